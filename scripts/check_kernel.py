@@ -79,7 +79,7 @@ class Memory:
         """Take up arrays and structures, and all that they hold."""
         if isinstance(thing, Made):
             self.add(thing.structure)
-            for other in thing.kept:
+            for other in thing.references:
                 self.add(other)
         elif isinstance(thing, np.ndarray):
             self.blocks.append((thing.ctypes.data, thing.tobytes()))

@@ -111,5 +111,5 @@ class _MemoryStatus(ctypes.Structure):
 def _available_in_windows() -> float | None:
     status = _MemoryStatus()
     status.length = ctypes.sizeof(status)
-    is_told = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
-    return float(status.available) if is_told else None
+    is_read = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
+    return float(status.available) if is_read else None

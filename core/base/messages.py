@@ -77,8 +77,7 @@ class Message(str):
 
 def as_message(template: str) -> Message:
     """A constant or message as a translatable value of another message; not for names of an
-    artist's
-    objects.
+    artist's objects.
     """
     return Message(template)
 

@@ -45,8 +45,7 @@ def turn_covariance(
 
 def solve_symmetric(matrices: Floats, right: Floats) -> Floats:
     """Solutions (n, k, m) of n systems with symmetric positive definite matrices (n, k, k) and
-    right
-    sides (n, k, m).
+    right sides (n, k, m).
 
     Elimination without pivots, which such matrices do not need, in all systems at once.
     """

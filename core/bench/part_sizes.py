@@ -17,7 +17,7 @@ from ..base.arrays import Bools, Floats
 from ..base.errors import RigError
 from ..base.messages import Message
 from ..base.steps import subprogress
-from ..image.flat_picture import not_flat, way_to_mesh
+from ..image.flat_picture import mesh_mapping, not_flat
 from ..light.display import affine_fit
 from ..light.plan import Plan
 from ..rig.rig import Display, PicturePlace, Plate, Rig
@@ -277,7 +277,7 @@ def plane_of(rig: Rig) -> Plane:
             "The picture is in the viewer's own pixels and has no size of its own: choose a picture"
             " plane."
         )
-    if any(way_to_mesh(place.mesh, viewer) is None for viewer in rig.viewers):
+    if any(mesh_mapping(place.mesh, viewer) is None for viewer in rig.viewers):
         raise not_flat(place)
 
     uv = place.mesh.uv.reshape(-1, 2)

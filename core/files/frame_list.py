@@ -25,8 +25,7 @@ def frames_of(text: str) -> tuple[int, ...]:
 
 def in_ranges(frames: Iterable[int]) -> str:
     """A list of frames in a form every scheduler reads: sorted, unique, without overlapping ranges,
-    in
-    ASCII digits.
+    in ASCII digits.
     """
     frames = sorted(set(frames))
     parts, first = [], 0

@@ -38,13 +38,12 @@ class FlatMapping:
 
 def flat_mapping(place: PicturePlace, viewer: Viewer) -> FlatMapping | None:
     """Mapping from viewer pixels to the UV of a flat picture, or of the viewer's own image, which
-    is
-    unbounded; None for other shapes.
+    is unbounded; None for other shapes.
     """
     if place.mesh is None:
         own = np.array([[1 / viewer.width, 0, 0], [0, -1 / viewer.height, 1], [0, 0, 1]])
         return FlatMapping(own, np.full(2, -np.inf), np.full(2, np.inf))
-    return way_to_mesh(place.mesh, viewer)
+    return mesh_mapping(place.mesh, viewer)
 
 
 def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
@@ -54,14 +53,14 @@ def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
     ------
     RigError : the picture is not a flat rectangle, or is seen edge-on
     """
-    way = flat_mapping(place, viewer)
-    if way is None:
+    mapping = flat_mapping(place, viewer)
+    if mapping is None:
         raise not_flat(place)
-    if np.linalg.cond(way.matrix / np.abs(way.matrix).max(axis=0)) > EDGE_ON:
+    if np.linalg.cond(mapping.matrix / np.abs(mapping.matrix).max(axis=0)) > EDGE_ON:
         raise RigError(
             "The picture '{picture}' is seen edge-on: turn it to the viewer.", picture=place.name
         )
-    xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(way.matrix).T
+    xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(mapping.matrix).T
     return xyw[:, :2] / xyw[:, 2:]
 
 
@@ -81,18 +80,18 @@ def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
     (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, normalised to distances, positive inside
     the picture. None if the picture is not a rectangle, or fills the viewer's image.
     """
-    way = None if place.mesh is None else way_to_mesh(place.mesh, viewer)
-    if way is None:
+    mapping = None if place.mesh is None else mesh_mapping(place.mesh, viewer)
+    if mapping is None:
         return None
 
-    u, v, w = way.matrix
-    low_u, low_v = way.low
-    high_u, high_v = way.high
+    u, v, w = mapping.matrix
+    low_u, low_v = mapping.low
+    high_u, high_v = mapping.high
     lines = np.stack([u - low_u * w, high_u * w - u, v - low_v * w, high_v * w - v])
     return lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), LEAST)
 
 
-def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatMapping | None:
+def mesh_mapping(mesh: Mesh, viewer: Viewer) -> FlatMapping | None:
     """Mapping from viewer pixels to the UV of a flat rectangle.
 
     None if the mesh is not flat, its UV is not one affine map, or it is not a rectangle along the

@@ -69,17 +69,17 @@ class InverseLookup:
 
     def __init__(self, place: PicturePlace, viewer: Viewer, display_size: tuple[int, int]) -> None:
         width, height = display_size
-        self._way = plane_mapping(place, viewer)
+        self._mapping = plane_mapping(place, viewer)
         self._sum = np.zeros((2, height, width))
         self._weight = np.zeros((height, width))
         self._area = np.zeros((2, height, width))
 
     def add(self, shares: Shares) -> None:
         """Add some of the shares shown by display pixels."""
-        way = self._way
-        xy, w = mapped(way.there, shares.view_xy)
+        mapping = self._mapping
+        xy, w = mapped(mapping.there, shares.view_xy)
         is_before = w > 0  # else it looks away from the picture's plane
-        low, high = way.low[:, None], way.high[:, None]
+        low, high = mapping.low[:, None], mapping.high[:, None]
         is_within = ((xy >= low) & (xy <= high)).all(axis=0)
         weight = np.where(is_within, 1.0, BESIDE) * shares.weight * is_before
         add_at(self._weight, shares.display_index, weight)
@@ -88,8 +88,8 @@ class InverseLookup:
             add_at(total, shares.display_index, some)
 
         reach = REACH * (high - low)
-        kept = np.where(is_before, np.clip(xy, low - reach, high + reach), 0.0)
-        for total, along in zip(self._sum, kept, strict=True):
+        clipped = np.where(is_before, np.clip(xy, low - reach, high + reach), 0.0)
+        for total, along in zip(self._sum, clipped, strict=True):
             add_at(total, shares.display_index, weight * along)
 
     @property
@@ -101,8 +101,7 @@ class InverseLookup:
     @property
     def parts(self) -> Floats:
         """The fraction (H, W) of each display pixel, 0..1, that determines its place: the area
-        showing
-        the picture, or else all that is seen.
+        showing the picture, or else all that is seen.
         """
         of_all, within = self._area
         return np.minimum(np.where(within > 0, within, of_all), 1.0)
@@ -117,9 +116,9 @@ def moved_in_view(shares: Shares, place: PicturePlace, viewer: Viewer, step: Flo
     if not len(number):
         return shares
 
-    way = plane_mapping(place, viewer)
-    xy, w = mapped(way.there, shares.view_xy[number])
-    back, _ = mapped(way.back, (xy + step[:, shares.display_index[number]]).T)
+    mapping = plane_mapping(place, viewer)
+    xy, w = mapped(mapping.there, shares.view_xy[number])
+    back, _ = mapped(mapping.back, (xy + step[:, shares.display_index[number]]).T)
     can_move = (w > 0) & np.isfinite(back).all(axis=0)
     view_xy = shares.view_xy.copy()
     view_xy[number[can_move]] = back[:, can_move].T

@@ -11,7 +11,7 @@ from ..base.free_memory import available
 from ..map.shares import Shares
 from ..native.image_passes import of_levels
 from ..native.loading import loaded, n_threads
-from ..native.structures import TAP, Made, StrokesStructure
+from ..native.structures import TAP, FlatTapsStructure, Made
 from .flat_picture import FlatMapping
 
 STRIPE = 1024  # display pixels per unit of a thread's work
@@ -31,8 +31,8 @@ class FlatTaps:
     size : (width, height) of the picture, px
     """
 
-    def __init__(self, shares: Shares, way: FlatMapping, size: tuple[int, int]) -> None:
-        self.made = made = Made(StrokesStructure)
+    def __init__(self, shares: Shares, mapping: FlatMapping, size: tuple[int, int]) -> None:
+        self.made = made = Made(FlatTapsStructure)
         self.is_painted = False
         self.taps: NDArray[np.void] | None = None
         self.first = np.zeros(1, np.int64)  # first tap of each stripe, and the total
@@ -57,14 +57,14 @@ class FlatTaps:
             n=len(shares),
             covariance=covariance.ctypes.data,
             apart=covariance.strides[0] // covariance.itemsize,
-            matrix=way.matrix,
-            low=way.low,
-            high=way.high,
+            matrix=mapping.matrix,
+            low=mapping.low,
+            high=mapping.high,
             size=np.array(size, float),
         )
 
 
-def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatTaps) -> None:
+def paint(total: Floats, levels: Sequence[NDArray[np.float32]], flat_taps: FlatTaps) -> None:
     """Add area * throughput * colour of shares to the sums (3, H, W) of display pixels.
 
     Cached taps give bit-identical sums.
@@ -76,41 +76,44 @@ def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatTap
     """
     structures = of_levels(levels)
     canvas = total.ctypes.data, total[0].size, n_threads()
-    if strokes.is_painted and strokes.taps is None and total[0].size < MOST_PIXELS:
-        _keep_taps(strokes, structures, total[0].size)
-    strokes.is_painted = True
+    if flat_taps.is_painted and flat_taps.taps is None and total[0].size < MOST_PIXELS:
+        _store_taps(flat_taps, structures, total[0].size)
+    flat_taps.is_painted = True
 
     at = ctypes.addressof(structures)
-    if strokes.taps is None:
-        structure = ctypes.addressof(strokes.made.structure)
+    if flat_taps.taps is None:
+        structure = ctypes.addressof(flat_taps.made.structure)
         loaded().kiriko_paint(structure, at, len(levels), *canvas)
     else:
-        first = strokes.first.ctypes.data, len(strokes.first) - 1
-        loaded().kiriko_paint_taps(strokes.taps.ctypes.data, *first, at, *canvas)
+        first = flat_taps.first.ctypes.data, len(flat_taps.first) - 1
+        loaded().kiriko_paint_taps(flat_taps.taps.ctypes.data, *first, at, *canvas)
 
 
-def _keep_taps(strokes: FlatTaps, structures: ctypes.Array, n_pixels: int) -> None:
+def _store_taps(flat_taps: FlatTaps, structures: ctypes.Array, n_pixels: int) -> None:
     """Compute the taps of shares for levels of these sizes, each display pixel's in the order of
-    its
-    shares, and drop the shares.
+    its shares, and drop the shares.
     """
-    low, high = np.clip(strokes.span, 0, n_pixels)
+    low, high = np.clip(flat_taps.span, 0, n_pixels)
     if low >= high:
         return
     n = np.zeros(high - low, np.int64)
-    asked = ctypes.addressof(strokes.made.structure), ctypes.addressof(structures), len(structures)
+    arguments = (
+        ctypes.addressof(flat_taps.made.structure),
+        ctypes.addressof(structures),
+        len(structures),
+    )
 
     def find(taps: int | None) -> None:
         into = n.ctypes.data, int(low), taps
-        loaded().kiriko_find_taps(*asked, n_pixels, *into, n_threads())
+        loaded().kiriko_find_taps(*arguments, n_pixels, *into, n_threads())
 
     find(None)
     ends = np.cumsum(n)
     free = available()
     if free is not None and TAP.itemsize * ends[-1] > free - STAYS_FREE:
         return
-    strokes.taps = np.empty(ends[-1], TAP)
-    strokes.first = np.concatenate([[0], ends[STRIPE - 1 : -1 : STRIPE], ends[-1:]])
+    flat_taps.taps = np.empty(ends[-1], TAP)
+    flat_taps.first = np.concatenate([[0], ends[STRIPE - 1 : -1 : STRIPE], ends[-1:]])
     np.subtract(ends, n, out=n)  # now the index of each pixel's next tap
-    find(strokes.taps.ctypes.data)
-    strokes.made = Made(StrokesStructure)
+    find(flat_taps.taps.ctypes.data)
+    flat_taps.made = Made(FlatTapsStructure)

@@ -90,14 +90,13 @@ def _across(lines: Floats, view: Floats) -> Ints:
     side = _sides(lines, take(view, near))
     least = side.min(axis=1)
     most = side.max(axis=1)
-    is_beside = (most <= 0).any(axis=1)
-    return near[((least < 0) & (most > 0)).any(axis=1) & ~is_beside]
+    is_outside = (most <= 0).any(axis=1)
+    return near[((least < 0) & (most > 0)).any(axis=1) & ~is_outside]
 
 
 def _sides(lines: Floats, view: Floats) -> Floats:
     """Signed distances (..., l) of points (..., 2) from lines (l, 3), viewer px, positive inside
-    the
-    picture; 0 on a line.
+    the picture; 0 on a line.
     """
     side = turn(lines[:, :2], view) + lines[:, 2]
     return np.where(np.abs(side) < ON_LINE, 0.0, side)
@@ -113,8 +112,7 @@ def _in_triangles(polygons: Floats, of: Ints) -> tuple[Floats, Ints]:
 
 def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Floats, Ints]:
     """Quads (m, 4, 4) that a line does not cross, and quads (c, 4, 4) it crosses, but not from side
-    to
-    side.
+    to side.
 
     Each is followed by the indices of its original polygons.
     """
@@ -149,8 +147,7 @@ def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Fl
 
 def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
     """Cut triangles (n, 3, 4) into triangles (m, 3, 4) that a line does not cross, with the
-    original
-    polygon (m,) of each.
+    original polygon (m,) of each.
     """
     side = _sides(line[None], triangles[..., :2])[..., 0]
     is_across = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)
@@ -171,8 +168,7 @@ def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
 
 def _alone_first(triangles: Floats, side: Floats) -> tuple[Floats, Floats]:
     """Rotate the corners (n, 3, ...) and their sides (n, 3) so that the corner alone on its side
-    comes
-    first.
+    comes first.
 
     A corner on the line belongs to another one's side, or is the one alone if the others differ.
     """

@@ -74,15 +74,15 @@ def picture_from_view(
     """
     n = len(view_xy)
     covariance = np.broadcast_to(covariance, (3, n))
-    way = flat_mapping(place, viewer)
-    if way is None:
+    mapping = flat_mapping(place, viewer)
+    if mapping is None:
         return _by_tracing(place, viewer, view_xy, covariance)
 
     size = np.array([place.width, place.height], float)
     points = PicturePoints(np.empty((n, 2)), np.empty(n), np.empty((4, n)))
     for first in range(0, n, POINTS_AT_ONCE):
         some = slice(first, first + POINTS_AT_ONCE)
-        _set_flat(points, some, view_xy[some], covariance[:, some], size, way)
+        _set_flat(points, some, view_xy[some], covariance[:, some], size, mapping)
     return points
 
 
@@ -112,8 +112,7 @@ def cover_in_view(place: PicturePlace, viewer: Viewer) -> Floats:
 
 def _cover_of_blocks(lines: Floats, width: int, height: int) -> Floats:
     """Cover (h, w) of viewer pixels in blocks fully inside lines (4, 3) or fully outside one; NaN
-    in
-    other blocks.
+    in other blocks.
 
     A flat picture is convex, so fully inside or outside is exact.
     """
@@ -164,14 +163,14 @@ def _set_flat(
     view_xy: Floats,
     covariance: Floats,
     size: Floats,
-    way: FlatMapping,
+    mapping: FlatMapping,
 ) -> None:
     """Set some points of a flat picture of a size (2,), px.
 
     Computed by columns, because numpy is slow on rows of two.
     """
     x, y = view_xy.T
-    u, v, w = (a * x + b * y + c for a, b, c in way.matrix)
+    u, v, w = (a * x + b * y + c for a, b, c in mapping.matrix)
     is_seen = w > 0
     inverse = 1.0 / np.where(is_seen, w, 1.0)
     u *= inverse
@@ -179,15 +178,15 @@ def _set_flat(
 
     # derivatives of the picture's pixels; v points up, pixel rows down
     width, height = size
-    (ux, uy, _), (vx, vy, _), (wx, wy, _) = way.matrix
+    (ux, uy, _), (vx, vy, _), (wx, wy, _) = mapping.matrix
     x_scale = width * inverse
     y_scale = -height * inverse
     by_x = (ux - u * wx) * x_scale, (vx - v * wx) * y_scale
     by_y = (uy - u * wy) * x_scale, (vy - v * wy) * y_scale
     axes = _axes(covariance, by_x, by_y)
 
-    low_u, low_v = way.low
-    high_u, high_v = way.high
+    low_u, low_v = mapping.low
+    high_u, high_v = mapping.high
     x, across = _within(u * width, low_u * width, high_u * width, axes[0] ** 2 + axes[2] ** 2)
     low, high = (1 - high_v) * height, (1 - low_v) * height
     y, along = _within((1 - v) * height, low, high, axes[1] ** 2 + axes[3] ** 2)

@@ -144,7 +144,7 @@ class Pyramid:
         if image.ndim != 3 or min(image.shape[:2]) < 1:
             raise RigError("The picture has no pixels: choose another image.")
         self._frozen = weakref.ref(image) if is_frozen(image) else None
-        self.levels = [_in_rows(image, is_kept=self._frozen is not None)]
+        self.levels = [_in_rows(image, is_fixed=self._frozen is not None)]
         while max(self.levels[-1].shape[:2]) > 1:
             self.levels.append(_halved(self.levels[-1]))
 
@@ -189,13 +189,12 @@ class Pyramid:
         return np.stack([np.bincount(taps.point, value, n) for value in self.read(taps)], axis=1)
 
 
-def _in_rows(image: NDArray[np.float32], is_kept: bool) -> NDArray[np.float32]:
+def _in_rows(image: NDArray[np.float32], is_fixed: bool) -> NDArray[np.float32]:
     """An image (h, w, n) as four channels with contiguous rows: the same array if it has this form
-    and
-    is read-only (is_fixed).
+    and is read-only (is_fixed).
     """
     is_in_rows = image.dtype == np.float32 and image.shape[2] == 4 and image.strides[1:] == (16, 4)
-    if is_kept and is_in_rows:
+    if is_fixed and is_in_rows:
         return image
     pixels = np.empty((*image.shape[:2], 4), np.float32)
     pixels[..., :3] = image[..., :3]
@@ -238,14 +237,14 @@ def _halved_along(axis: int, plane: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def pyramids_of(
-    images: Sequence[NDArray[np.float32]], known: Sequence[Pyramid] = ()
+    images: Sequence[NDArray[np.float32]], existing: Sequence[Pyramid] = ()
 ) -> tuple[Pyramid, ...]:
     """A pyramid for each image (h, w, 4), shared by identical arrays; existing ones are reused."""
     found: dict[int, Pyramid] = {}
     for image in images:
         if id(image) not in found:
-            is_known = (one for one in known if one.is_of(image))
-            found[id(image)] = next(is_known, None) or Pyramid(image)
+            matches = (one for one in existing if one.is_of(image))
+            found[id(image)] = next(matches, None) or Pyramid(image)
     return tuple(found[id(image)] for image in images)
 
 

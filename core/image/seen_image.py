@@ -16,7 +16,7 @@ SUBPIXELS = 2  # points per axis of an ideal pixel, each with its own footprint
 
 
 @dataclass(frozen=True)
-class DotKnobs:
+class DotOptions:
     """Options for finding the dots of a lattice in an image.
 
     Parameters
@@ -38,7 +38,7 @@ class DotKnobs:
     most_rounds: int = 20
 
 
-DOT_KNOBS = DotKnobs()
+DOTS = DotOptions()
 
 
 def seeing(batches: ShareBatches, source: NDArray[np.float32]) -> Steps[NDArray[np.float32]]:
@@ -125,23 +125,21 @@ class LatticeShift:
 
 def lattice_shift(seen: Floats, ideal: Floats, n: int = 7) -> LatticeShift:
     """Displacement of each dot of an n x n colour-coded lattice between two images (h, w, >= 3) of
-    one
-    size, linear.
+    one size, linear.
     """
     return LatticeShift(dot_centroids(seen, n) - dot_centroids(ideal, n))
 
 
 def dot_centroids(image: Floats, n: int = 7) -> Floats:
     """Centroids (n, n, 2) in pixels of the dots of a lattice; entry [j, i] is column i, row j; NaN
-    if
-    not seen.
+    if not seen.
 
     Dots are identified by colour: dot (i, j) has G / R = (i + 1) / (n + 1), B / R = (j + 1) / (n +
     1). A pixel's weight is its R, linear on black. A dot in several pieces counts at its largest
     one.
     """
     red, green, blue = (np.asarray(image[..., c], float) for c in range(3))
-    y, x = np.nonzero(red > DOT_KNOBS.dark * max(red.max(), 1e-30))
+    y, x = np.nonzero(red > DOTS.dark * max(red.max(), 1e-30))
     weight = red[y, x]
 
     # column and row from the colour
@@ -159,25 +157,23 @@ def dot_centroids(image: Floats, n: int = 7) -> Floats:
 
 def _main_piece(points: Floats, weight: Floats) -> Floats:
     """Weighted centroid (2,) of points (m, 2), or of their largest piece."""
-    for _ in range(DOT_KNOBS.most_rounds):
+    for _ in range(DOTS.most_rounds):
         centre = np.average(points, axis=0, weights=weight)
         square = ((points - centre) ** 2).sum(axis=1)
         # mean square radius of a disc of this area
         disc = weight.sum() / weight.max() / (2 * np.pi)
-        if np.average(square, weights=weight) <= DOT_KNOBS.compact**2 * max(
-            disc, DOT_KNOBS.least_square
-        ):
+        if np.average(square, weights=weight) <= DOTS.compact**2 * max(disc, DOTS.least_square):
             break
 
         # the heaviest cell of a grid
-        side = np.sqrt(2 * disc) * DOT_KNOBS.heap + 1
+        side = np.sqrt(2 * disc) * DOTS.heap + 1
         cell = np.floor((points - points.min(axis=0)) / side).astype(int)
         name = cell[:, 1] * (cell[:, 0].max() + 1) + cell[:, 0]
         heaviest = np.argmax(np.bincount(name, weight))
         is_in = name == heaviest
         heart = np.average(points[is_in], axis=0, weights=weight[is_in])
 
-        near = ((points - heart) ** 2).sum(axis=1) <= (DOT_KNOBS.near * side) ** 2
+        near = ((points - heart) ** 2).sum(axis=1) <= (DOTS.near * side) ** 2
         if near.all():
             break
         points = points[near]

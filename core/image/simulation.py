@@ -77,11 +77,11 @@ def simulate(
             inside = (start[k % 2, pixels] + (k // 2) * EVEN_STEP) % 1.0
             xy = np.stack([pixels % viewer.width, pixels // viewer.width], axis=1) + inside
 
-            ways: list[tuple[PlateLight, Ints, float]] = [("folded", np.arange(len(pixels)), 1.0)]
+            kinds: list[tuple[PlateLight, Ints, float]] = [("folded", np.arange(len(pixels)), 1.0)]
             if has_faces:
                 some = np.flatnonzero(random.random(len(pixels)) < share)
-                ways.append(("reflected", some, 1.0 / share))
-            for light, some, weight in ways:
+                kinds.append(("reflected", some, 1.0 / share))
+            for light, some, weight in kinds:
                 rays, colours, path = _shown(plan, xy[some], light, texels)
                 colours *= weight
                 # a ray that splits adds all its light
@@ -107,8 +107,7 @@ def simulate(
 
 def _shown(plan: Plan, xy: Floats, light: PlateLight, texels: Floats) -> tuple[Ints, Floats, Ints]:
     """Display light at viewer px (n, 2) for one kind of light: indices (m,) of lit points, colours
-    (m,
-    3) and PlatePath (m,).
+    (m, 3) and PlatePath (m,).
 
     texels : (H * W, 3) of the display, row by row
     """
@@ -143,8 +142,7 @@ class PlateView:
 
 def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | None]:
     """Brightness and blur from a sample of the viewer's rays; None if the plates are ideal or
-    nothing
-    is seen.
+    nothing is seen.
 
     Yields progress 0..1.
     """
@@ -204,13 +202,13 @@ def _moved(
     determinant = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
 
     real = main_landings(trace(plan, *viewer.rays(view), light="folded"), len(view), branch)
-    is_known = real.plate_path == PlatePath.IMAGED
+    is_valid = real.plate_path == PlatePath.IMAGED
     for other in (real, *around):
-        is_known &= other.branch == branch
-    is_known &= np.abs(determinant) > 0
+        is_valid &= other.branch == branch
+    is_valid &= np.abs(determinant) > 0
 
     # the inverse of j times the displacement on the display
-    j = j[is_known]
-    dx, dy = (real.xy - xy)[is_known].T
+    j = j[is_valid]
+    dx, dy = (real.xy - xy)[is_valid].T
     back = np.stack([j[:, 1, 1] * dx - j[:, 0, 1] * dy, j[:, 0, 0] * dy - j[:, 1, 0] * dx], axis=1)
-    return back / determinant[is_known, None]
+    return back / determinant[is_valid, None]

@@ -19,7 +19,7 @@ from .flat_picture import flat_mapping
 from .picture import picture_from_view
 from .pyramid import Pyramid, Taps, find_taps, pyramids_of
 
-Strokes = Taps | native_paint.FlatTaps
+FilterTaps = Taps | native_paint.FlatTaps
 
 # Viewer px^2, times throughput^2: display pixels with less weight are not covered. Taps are
 # float32, without digits below its least normal number. The limit is absolute, so uniformly faint
@@ -45,13 +45,13 @@ class Painting:
         self._total = np.empty((3, height, width))
         self._total.fill(0)
 
-    def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
+    def add(self, pyramid: Pyramid, filter_taps: FilterTaps) -> None:
         """Add shares by their filter taps (`find_filter_taps`)."""
-        if isinstance(strokes, native_paint.FlatTaps):
-            native_paint.paint(self._total, pyramid.levels, strokes)
+        if isinstance(filter_taps, native_paint.FlatTaps):
+            native_paint.paint(self._total, pyramid.levels, filter_taps)
             return
-        for total, values in zip(self._total, pyramid.read(strokes), strict=True):
-            add_at(total, strokes.point, values)
+        for total, values in zip(self._total, pyramid.read(filter_taps), strict=True):
+            add_at(total, filter_taps.point, values)
 
     def join(self, other: "Painting", colours: tuple[float, ...]) -> None:
         """Add another painting, with a weight for each colour."""
@@ -84,16 +84,16 @@ class Painting:
         return grow(image, covered, margin, is_free)
 
 
-def find_filter_taps(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes:
+def find_filter_taps(place: PicturePlace, viewer: Viewer, shares: Shares) -> FilterTaps:
     """How the sums area * T * colour of display pixels are read from a picture in its place: taps
     whose points are display pixels.
 
     A share lies fully inside or outside the picture and is read over its footprint. For a flat
     picture, the compiled kernel keeps the shares and computes the taps when painting.
     """
-    way = flat_mapping(place, viewer) if loading.library() is not None else None
-    if way is not None:
-        return native_paint.FlatTaps(shares, way, (place.width, place.height))
+    mapping = flat_mapping(place, viewer) if loading.library() is not None else None
+    if mapping is not None:
+        return native_paint.FlatTaps(shares, mapping, (place.width, place.height))
 
     points = picture_from_view(place, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)

@@ -63,8 +63,7 @@ def are_unlike(boxes: Floats) -> Bools:
 
 def group_parts(surfaces: list[Surface], touch: Bools) -> list[list[int]]:
     """Group parts into layers: one for each part with few faces, the others by colour, so that
-    parts
-    in a layer do not touch (p, p).
+    parts in a layer do not touch (p, p).
     """
     small = [i for i, surface in enumerate(surfaces) if len(surface.corners) <= FEW_TRIANGLES]
     if len(small) > FEW_TRIANGLES:  # an engine is faster for many boxes and panels
@@ -91,9 +90,9 @@ def layer_steps(surfaces: list[Surface]) -> Steps[Layer]:
         corners = np.concatenate(of_each)
         curved = CurvedFaces.join([surface.curved for surface in surfaces], of_each)
 
-    hull = None if curved is None else (yield from bounding_shell_steps(curved))
+    shell = None if curved is None else (yield from bounding_shell_steps(curved))
     yield 0
-    return Layer(corners, curved, hull)
+    return Layer(corners, curved, shell)
 
 
 def triangles_of_boxes(boxes: Floats) -> Floats:
@@ -106,15 +105,15 @@ def triangles_of_boxes(boxes: Floats) -> Floats:
 
 
 def compile_plan(
-    rig: Rig, settings: Settings, kept: MeshCache | None = None, aside: tuple[int, ...] = ()
+    rig: Rig, settings: Settings, mesh_cache: MeshCache | None = None, aside: tuple[int, ...] = ()
 ) -> Plan:
     """Check a rig and compile it, as `compile_plan_steps`."""
     rig.check()
-    return run_steps(compile_plan_steps(rig, settings, kept, aside))
+    return run_steps(compile_plan_steps(rig, settings, mesh_cache, aside))
 
 
 def compile_plan_steps(
-    rig: Rig, settings: Settings, kept: MeshCache | None = None, aside: tuple[int, ...] = ()
+    rig: Rig, settings: Settings, mesh_cache: MeshCache | None = None, aside: tuple[int, ...] = ()
 ) -> Steps[Plan]:
     """Compile a checked rig into a plan.
 
@@ -129,9 +128,11 @@ def compile_plan_steps(
     RigError, MeshError
         One sentence on the fault of the rig.
     """
-    kept = kept or MeshCache()
+    mesh_cache = mesh_cache or MeshCache()
     boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
-    parts = RigParts((yield from read_solids(rig, kept, aside)), read_thin_surfaces(rig, kept))
+    parts = RigParts(
+        (yield from read_solids(rig, mesh_cache, aside)), read_thin_surfaces(rig, mesh_cache)
+    )
     solids = [solid.surface for solid in parts.solids]
 
     # positions are float32: glass faces closer than the rounding error touch
@@ -140,16 +141,16 @@ def compile_plan_steps(
     touch = find_touching(parts.solids, parts.surfaces, parts.is_closed, touching)
     yield 0
     media = make_media(parts.solids, touch, settings.wavelength)
-    layers = yield from _make_layers(parts, media, touch, kept)
-    thin_parts = _kept_thin_parts(parts, boxes_aside, kept)
+    layers = yield from _make_layers(parts, media, touch, mesh_cache)
+    thin_parts = _thin_parts_getter(parts, boxes_aside, mesh_cache)
     key = f"plane of {parts.sheets[-1].key}, {rig.display.width} x {rig.display.height}"
-    plane = kept.get(key, lambda: display_plane(rig.display, parts.surfaces[-1]))
-    kept.forget()
+    plane = mesh_cache.get(key, lambda: display_plane(rig.display, parts.surfaces[-1]))
+    mesh_cache.forget()
     yield 0
 
     # light beyond plates, and the features the rig uses
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
-    rules = _rules(parts, layers, media, is_clear, settings)
+    features = _features(parts, layers, media, is_clear, settings)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
     by_display = boxes_touch(boxes, NEAR * merge_distance)[-1, : len(solids)]
 
@@ -168,11 +169,11 @@ def compile_plan_steps(
         display=PlannedDisplay(int(parts.starts[-2]), plane, bool(by_display.any())),
         aside=DeferredObjects(aside, boxes_aside),
         merge_distance=merge_distance,
-        used=tuple(name for name, (is_used, _) in rules.items() if is_used),
+        used=tuple(name for name, (is_used, _) in features.items() if is_used),
         left_out=(
             *(
                 Message("{name} ({reason})", name=name, reason=reason)
-                for name, (is_used, reason) in rules.items()
+                for name, (is_used, reason) in features.items()
                 if not is_used
             ),
             *(
@@ -187,7 +188,7 @@ def compile_plan_steps(
 
 
 def _make_layers(
-    parts: RigParts, media: Media, touch: Bools, kept: MeshCache
+    parts: RigParts, media: Media, touch: Bools, mesh_cache: MeshCache
 ) -> Steps[tuple[PlannedLayer, ...]]:
     """Make the layers and their contents; solids moved by one motion are moved together."""
     layers = []
@@ -204,7 +205,7 @@ def _make_layers(
             members = [parts.surfaces[i] for i in group]
             names = [parts.keys[i] for i in group]
 
-        layer = yield from kept.making("+".join(names), partial(layer_steps, members))
+        layer = yield from mesh_cache.get_steps("+".join(names), partial(layer_steps, members))
         yield 0
 
         # bits of its solids in the masks of their clusters
@@ -224,18 +225,17 @@ def _make_layers(
     return tuple(layers)
 
 
-def _kept_thin_parts(
-    parts: RigParts, boxes_aside: Floats, kept: MeshCache
+def _thin_parts_getter(
+    parts: RigParts, boxes_aside: Floats, mesh_cache: MeshCache
 ) -> Callable[[], ThinParts]:
     """A function that returns the triangles and the boxes (a, 2, 3) of deferred glass, for
-    near-miss
-    tests.
+    near-miss tests.
     """
     walls = triangles_of_boxes(boxes_aside)
     number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
     aside = fingerprint(walls)
     made = "+".join([*(solid.key for solid in parts.solids), *(one.key for one in parts.sheets)])
-    packing = kept.get(f"packing of {made}+{aside}", Packing)
+    packing = mesh_cache.get(f"packing of {made}+{aside}", Packing)
 
     def find() -> ThinParts:
         corners = parts.joined("corners")
@@ -246,10 +246,10 @@ def _kept_thin_parts(
             packing,
         )
 
-    return kept.get("boxes of " + "+".join([*parts.keys, aside]), lambda: cache(find))
+    return mesh_cache.get("boxes of " + "+".join([*parts.keys, aside]), lambda: cache(find))
 
 
-def _rules(
+def _features(
     parts: RigParts,
     layers: tuple[PlannedLayer, ...],
     media: Media,

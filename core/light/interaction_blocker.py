@@ -10,14 +10,14 @@ from .plan import Plan
 from .rays import Rays, Reason
 
 
-def surface(part: Blocker, kept: MeshCache) -> tuple[Surface, str]:
+def surface(part: Blocker, mesh_cache: MeshCache) -> tuple[Surface, str]:
     """Its triangles, each flat."""
     return make_surface(part.mesh.flat()), key_of_facets(part.mesh)
 
 
-def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """End the rays as blocked."""
     rays.reason[i] = Reason.BLOCKED
 
 
-LAW = Interaction(meet, surface, ends=True)
+INTERACTION = Interaction(interact, surface, ends=True)

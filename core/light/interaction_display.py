@@ -50,7 +50,7 @@ def land(plan: Plan, rays: Rays, i: Ints, place: Floats) -> None:
     rays.xy[i] = plan.rig.display.pixel(place, take(rays.directions, i))
 
 
-def _is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
+def _passes_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
     """Whether light passed by the glass, met the plate if one is required, and the settings follow
     such light.
     """
@@ -74,10 +74,10 @@ def give_reasons(
     is_front : (n,) on its front
     is_on : (n,) and on its image
     """
-    lacks_glass = ~rays.has_met_glass[i] & (~is_met | plan.settings.only_through_glass)
-    lacks_plate = ~rays.has_met_plate[i] & (~is_met | (rays.light == "imaged")) & plan.needs_plate
+    misses_glass = ~rays.has_met_glass[i] & (~is_met | plan.settings.only_through_glass)
+    misses_plate = ~rays.has_met_plate[i] & (~is_met | (rays.light == "imaged")) & plan.needs_plate
     reason = np.select(
-        [lacks_glass, lacks_plate, ~is_met, ~is_front, ~is_on],
+        [misses_glass, misses_plate, ~is_met, ~is_front, ~is_on],
         [
             Reason.MISSED_GLASS,
             Reason.MISSED_PLATE,
@@ -90,7 +90,7 @@ def give_reasons(
 
     rays.reason[i] = reason
     lands = (reason == Reason.ARRIVED) | (reason == Reason.MISSED_DISPLAY)
-    return lands | _is_beside_glass(plan, rays, i)
+    return lands | _passes_glass(plan, rays, i)
 
 
 def end_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
@@ -125,17 +125,17 @@ def end_without_hit(plan: Plan, rays: Rays, i: Ints) -> None:
     rays.add_to_branch(i[is_front], plan.triangles.patch[-1], LAND)
 
 
-def surface(part: Display, kept: MeshCache) -> tuple[Surface, str]:
+def surface(part: Display, mesh_cache: MeshCache) -> tuple[Surface, str]:
     """Its triangles, each flat; one patch for each UV island."""
 
     def make() -> Surface:
         return replace(make_surface(part.mesh.flat()), patch=uv_islands(part.mesh))
 
     key = key_of_facets(part.mesh)
-    return kept.get(f"display {key}", make), key
+    return mesh_cache.get(f"display {key}", make), key
 
 
-def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """End the rays; they land if they hit the front and have met the required parts.
 
     Light without a picture, followed for completeness, may pass by the plate.
@@ -151,7 +151,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     land(plan, rays, i[lands], place[lands])
 
 
-LAW = Interaction(meet, surface, ends=True)
+INTERACTION = Interaction(interact, surface, ends=True)
 
 
 # times the plan's merge distance: glass and display closer than this are in contact
@@ -219,4 +219,4 @@ def end_beneath_glass(
     at, i = at[goes_on], i[goes_on]
     rays.n_events[i] += 1
     if len(i):
-        meet(plan, rays, i, contact.display.at(at), by_layer)
+        interact(plan, rays, i, contact.display.at(at), by_layer)

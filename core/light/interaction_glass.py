@@ -12,7 +12,7 @@ from .plan import Plan
 from .rays import FACE_PASS, FACE_TIR, PASS, TIR, Rays
 
 
-def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Refract or totally reflect at an interface; coincident faces of other solids are crossed
     together.
     """
@@ -59,8 +59,7 @@ def _cross_faces(
     plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]
 ) -> tuple[NDArray[np.uint64], NDArray[np.uint64], Ints]:
     """Cross all coincident faces together: masks (n,) before and after, and the patch (n,) recorded
-    in
-    the branch.
+    in the branch.
 
     The patch is the smallest number, because a choice by rounding would give neighbouring rays
     different branches.
@@ -88,4 +87,4 @@ def _cross_faces(
     return before, after, patch
 
 
-LAW = Interaction(meet, None, crosses=True)
+INTERACTION = Interaction(interact, None, crosses=True)

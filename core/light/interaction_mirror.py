@@ -14,13 +14,13 @@ from .plan import Plan
 from .rays import FACE_MIRROR, MIRROR, Rays
 
 
-def surface(part: Mirror, kept: MeshCache) -> tuple[Surface, str]:
+def surface(part: Mirror, mesh_cache: MeshCache) -> tuple[Surface, str]:
     """The surface, possibly curved, and its key."""
     key = part.mesh.fingerprint
-    return kept.get(key, lambda: make_surface(part.mesh)), f"{key}/0"
+    return mesh_cache.get(key, lambda: make_surface(part.mesh)), f"{key}/0"
 
 
-def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Reflect the rays; by the face's own normal if a bent one would send light through."""
     directions = rays.directions[i]
     geometric, shading, is_own = shading_normals(plan, directions, hits)
@@ -34,4 +34,4 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], event)
 
 
-LAW = Interaction(meet, surface)
+INTERACTION = Interaction(interact, surface)

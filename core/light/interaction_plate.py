@@ -22,10 +22,10 @@ from .rays import PLATE, Rays
 PLATE_FLATNESS = 1e-6
 
 
-def surface(plate: Plate, kept: MeshCache) -> tuple[Surface, str]:
+def surface(plate: Plate, mesh_cache: MeshCache) -> tuple[Surface, str]:
     """A plate's triangles as one patch of one plane; RigError if they are not coplanar."""
     key = key_of_facets(plate.mesh)
-    return kept.get(f"plate {key}", lambda: _plane(plate)), key
+    return mesh_cache.get(f"plate {key}", lambda: _plane(plate)), key
 
 
 def _plane(plate: Plate) -> Surface:
@@ -59,7 +59,7 @@ def element(plate: Plate, surface: Surface) -> Plate | ArrayFrame:
     return plate if plate.array is None else array_frame(plate, surface.normals[0])
 
 
-def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Redirect light by the plate's mirrors or as an ideal plate; land if only the display lies
     beyond.
     """
@@ -67,7 +67,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     for plate, some in plan.part_of(hits.triangle):
         these = i[some]
         if isinstance(plate, ArrayFrame):
-            _meet_array(plan, plate, rays, these)
+            _cross_array(plan, plate, rays, these)
         else:
             rays.directions[these] = plane_symmetry(rays.directions[these], normals[some])
             rays.plate_path[these] = np.maximum(rays.plate_path[these], PlatePath.IMAGED)
@@ -81,7 +81,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
         end_beyond_plate(plan, rays, i[clear])
 
 
-def _meet_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
+def _cross_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
     is_again = rays.has_met_plate[i]
     again = "folded" if rays.light == "reflected" else rays.light
     for light, some in ((rays.light, i[~is_again]), (again, i[is_again])):
@@ -98,4 +98,4 @@ def _meet_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
             rays.throughput[some] *= crossing.throughput
 
 
-LAW = Interaction(meet, surface, element=element)
+INTERACTION = Interaction(interact, surface, element=element)

@@ -26,7 +26,7 @@ from ..native.structures import (
     RayStateStructure,
 )
 from ..rig.viewer import Viewer
-from .kernel_trees import face_tree_steps, frames_of, has_face_tree, hull_steps, kept
+from .kernel_trees import cached, face_tree_steps, frames_of, has_face_tree, shell_tree_steps
 from .layer_hits import count_starts
 from .plan import Ends, Halving, Plan, PlannedLayer
 from .plate import ArrayFrame
@@ -50,7 +50,7 @@ def _make_whole(curved: CurvedFaces) -> Made:
 
 
 def _make_curved(curved: CurvedFaces) -> Made:
-    whole = kept(_faces, curved.whole, lambda: _make_whole(curved.whole))
+    whole = cached(_faces, curved.whole, lambda: _make_whole(curved.whole))
     if curved is curved.whole:
         return whole
 
@@ -63,17 +63,17 @@ def _make_curved(curved: CurvedFaces) -> Made:
     return made
 
 
-def growing_trees(layer: Layer) -> Steps[None]:
+def tree_steps(layer: Layer) -> Steps[None]:
     """Make the trees that every ray needs in a layer."""
     if layer.has_engine and has_face_tree(layer):
         yield from face_tree_steps(layer)
         yield 0
     if layer.curved is not None:
-        yield from hull_steps(layer.asked)
+        yield from shell_tree_steps(layer.engine_triangles)
         yield 0
 
 
-def growing_faces(layer: Layer, made: Made) -> Steps[None]:
+def point_to_face_tree(layer: Layer, made: Made) -> Steps[None]:
     """Point a layer to the tree over its faces, made if necessary."""
     tree, facets = yield from face_tree_steps(layer)
     made.set(over_faces=tree.structure)
@@ -113,13 +113,16 @@ def make_layer(held: PlannedLayer, part: Ints) -> Made:
     )
 
     if layer.has_engine and has_face_tree(layer):
-        run_steps(growing_faces(layer, made))
+        run_steps(point_to_face_tree(layer, made))
 
     if curved is not None:
         faces = _make_curved(curved)
-        hull = run_steps(hull_steps(layer.asked))
-        made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
-        made.keep(faces, hull)
+        triangles = run_steps(shell_tree_steps(layer.engine_triangles))
+        made.set(
+            curved=ctypes.addressof(faces.structure),
+            engine_triangles=ctypes.addressof(triangles.structure),
+        )
+        made.keep(faces, triangles)
 
     return made
 
@@ -152,10 +155,10 @@ def left_out(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
     """Why the kernel cannot trace a plan of these layers and parts of kinds (p,); None if it
     can.
     """
-    return Message("it is not there") if library() is None else _unknown(layers, kind)
+    return Message("it is not there") if library() is None else _unsupported(layers, kind)
 
 
-def _unknown(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
+def _unsupported(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
     if len(layers) > MOST_LAYERS:
         return Message("more than {n} layers", n=MOST_LAYERS)
     if not np.isin(kind, KINDS).all() or any(
@@ -167,7 +170,7 @@ def _unknown(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
 
 
 def _make_plan(plan: Plan) -> Made | None:
-    if _unknown(plan.layers, plan.parts.kind) is not None:
+    if _unsupported(plan.layers, plan.parts.kind) is not None:
         return None
 
     made = Made(PlanStructure)
@@ -230,9 +233,9 @@ def _point_to_tables(made: Made, plan: Plan) -> None:
     made.point("open_part", np.array([part.number for part in plan.open_parts]), np.int64)
     open_boxes = np.array([part.box for part in plan.open_parts]).reshape(-1, 2, 3)
     made.point("open_box", open_boxes, float)
-    made.point("aside_box", plan.aside.boxes, float)
+    made.point("deferred_box", plan.aside.boxes, float)
     made.point("display_uv", plan.rig.display.mesh.uv, float)
-    made.set(n_open=len(plan.open_parts), n_aside=len(plan.aside.boxes))
+    made.set(n_open=len(plan.open_parts), n_deferred=len(plan.aside.boxes))
 
 
 # element types read by the kernel; NULL for others
@@ -262,11 +265,11 @@ def _point_to_layers(made: Made, plan: Plan) -> None:
     made.point("order", order, np.int64)
 
 
-def making(plan: Plan) -> Steps[None]:
+def prepare_steps(plan: Plan) -> Steps[None]:
     """Make a plan's trees as `made_of` does, with pauses."""
     if plan not in _plans and left_out(plan.layers, plan.parts.kind) is None:
         for held in plan.layers:
-            yield from growing_trees(held.layer)
+            yield from tree_steps(held.layer)
 
 
 def plan_steps(plan: Plan) -> Steps[None]:
@@ -275,7 +278,7 @@ def plan_steps(plan: Plan) -> Steps[None]:
     structures = (LayerStructure * len(made.layers)).from_address(made.structure.layers)
     for number, (held, layer) in enumerate(zip(plan.layers, made.layers, strict=True)):
         if held.layer.has_engine and not layer.structure.over_faces.nodes:
-            yield from growing_faces(held.layer, layer)
+            yield from point_to_face_tree(held.layer, layer)
             structures[number] = layer.structure
 
 
@@ -288,7 +291,7 @@ def is_whole(made: Made) -> bool:
 
 def made_of(plan: Plan) -> Made | None:
     """A plan in the kernel's form, cached; None if the kernel cannot trace it."""
-    return kept(_plans, plan, lambda: _make_plan(plan))
+    return cached(_plans, plan, lambda: _make_plan(plan))
 
 
 # events, rays and edges between two pauses: less than 0.1 s of work
@@ -311,7 +314,7 @@ STATE = {  # arrays of rays.py's Rays, which the kernel reads and writes in plac
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class RecordedPaths:
     """Recorded paths of n rays, m events at most.
 
     places : (m, n, 3) m
@@ -324,7 +327,7 @@ class Ways:
     left_at: Ints
 
     @classmethod
-    def none(cls, n: int, m: int) -> "Ways":
+    def none(cls, n: int, m: int) -> "RecordedPaths":
         """Empty paths."""
         # most rays have few events, so most of the zeros are never touched
         return cls(np.empty((m, n, 3)), np.zeros((m, n), np.int64), np.full(n, -1, np.int64))
@@ -335,7 +338,9 @@ class Ways:
         self.left_at[some] = -1
 
 
-def state_of(rays: Rays, ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
+def state_of(
+    rays: Rays, paths: RecordedPaths | None = None, is_reached: np.ndarray | None = None
+) -> Made:
     """The state of rays as the kernel reads and writes it."""
     made = Made(RayStateStructure)
     for name, dtype in STATE.items():
@@ -348,11 +353,11 @@ def state_of(rays: Rays, ways: Ways | None = None, is_reached: np.ndarray | None
         rays.course = made.point("course", rays.course, np.uint64)
         made.set(width=rays.course.shape[1])
 
-    if ways is not None:
-        made.point("places", ways.places, float)
-        made.point("met", ways.met, np.int64)
-        made.point("left_at", ways.left_at, np.int64)
-        made.set(n_rays=ways.met.shape[1], n_steps=len(ways.met))
+    if paths is not None:
+        made.point("places", paths.places, float)
+        made.point("met", paths.met, np.int64)
+        made.point("left_at", paths.left_at, np.int64)
+        made.set(n_rays=paths.met.shape[1], n_steps=len(paths.met))
 
     made.point("is_reached", is_reached, np.uint8)
     made.set(n_asked=rays.n_asked, n_copies=rays.n_copies)
@@ -371,9 +376,9 @@ class Kernel:
 
     def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Steps[None]:
         """Follow live rays to their ends."""
-        yield from making(plan)
-        has_ways = steps is not None
-        per_event = PLACE * has_ways + WORD * rays.is_recorded
+        yield from prepare_steps(plan)
+        has_paths = steps is not None
+        per_event = PLACE * has_paths + WORD * rays.is_recorded
         if len(rays.mask) * per_event * (plan.settings.max_events + 1) > MOST_RECORDED:
             yield from by_events(plan, rays, steps)
             return
@@ -383,10 +388,10 @@ class Kernel:
         if rays.is_recorded:
             rays.course = np.zeros((len(rays.mask), n_events + 1), np.uint64)
 
-        ways = Ways.none(n, n_events) if has_ways else None
+        paths = RecordedPaths.none(n, n_events) if has_paths else None
 
         is_reached = np.zeros(len(plan.aside.boxes), np.uint8)
-        made = state_of(rays, ways, is_reached)
+        made = state_of(rays, paths, is_reached)
         is_unready = made.point("is_unready", np.zeros(1, np.uint8), np.uint8)
         of_plan = made_of(plan)
         structures = ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure)
@@ -405,8 +410,8 @@ class Kernel:
                 # faces
                 yield from plan_steps(plan)
                 rays.begin_again(some, *begun)
-                if ways is not None:
-                    ways.begin_again(some)
+                if paths is not None:
+                    paths.begin_again(some)
                 is_reached[:], is_unready[0] = reached, 0
                 kernel.kiriko_follow(*structures, first, last, n_threads())
             yield last - first
@@ -414,8 +419,8 @@ class Kernel:
         rays.live = rays.live[:0]
         if is_reached.any():
             raise DeferredObjectError(set(np.flatnonzero(is_reached).tolist()))
-        if has_ways:
-            steps += _steps_of(plan, rays, ways)
+        if has_paths:
+            steps += _steps_of(plan, rays, paths)
 
     def bisect(self, plan: Plan, edges: Halving) -> Steps[Ends]:
         """Bisect edges; yields the number of rays traced since the last yield.
@@ -424,7 +429,7 @@ class Kernel:
         ------
         DeferredObjectError : a ray comes near deferred glass
         """
-        yield from making(plan)
+        yield from prepare_steps(plan)
         n = len(edges.start)
         rays = Rays(np.zeros((n, 3)), np.zeros((n, 3)), edges.course, is_recorded=False)
         is_reached = np.zeros(len(plan.aside.boxes), np.uint8)
@@ -454,11 +459,11 @@ class Kernel:
         return ends
 
 
-def _steps_of(plan: Plan, rays: Rays, ways: Ways) -> Iterator[Step]:
+def _steps_of(plan: Plan, rays: Rays, paths: RecordedPaths) -> Iterator[Step]:
     """The rays at each event, from their recorded paths."""
-    for event, (places, met) in enumerate(zip(ways.places, ways.met, strict=True)):
+    for event, (places, met) in enumerate(zip(paths.places, paths.met, strict=True)):
         some = np.flatnonzero(met)
-        left = np.flatnonzero(ways.left_at == event)
+        left = np.flatnonzero(paths.left_at == event)
         if not len(some) + len(left):
             return
 

@@ -17,7 +17,13 @@ from ..glass.curved import CurvedFaces
 from ..glass.meshes import Frames, boxes_of
 from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
 from ..native.loading import loaded, n_threads
-from ..native.structures import NODE, GrowthStructure, HullStructure, Made, TreeStructure
+from ..native.structures import (
+    NODE,
+    EngineTrianglesStructure,
+    Made,
+    TreeStructure,
+    TreeTaskStructure,
+)
 from .engines import EngineHits
 from .ray_engine import EngineTriangles, Layer
 
@@ -35,25 +41,27 @@ BY_LOWERING = np.abs([TO_BEZIER @ (np.eye(N_TERMS) - lower) for lower in LOWER.v
 # shared by all plans
 _frames: WeakKeyDictionary[Frames, Floats] = WeakKeyDictionary()
 _trees: WeakKeyDictionary[Frames | CurvedFaces, tuple[Made, Floats]] = WeakKeyDictionary()
-_hulls: WeakKeyDictionary[EngineTriangles, Made] = WeakKeyDictionary()
+_shell_trees: WeakKeyDictionary[EngineTriangles, Made] = WeakKeyDictionary()
 
 
-def kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
+def cached(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
     """The cached value of a key, made once."""
     if key not in cache:
         cache[key] = make()
     return cache[key]
 
 
-def keeping(cache: WeakKeyDictionary, key: object, making: Callable[[], Steps[Any]]) -> Steps[Any]:
+def cached_steps(
+    cache: WeakKeyDictionary, key: object, make_steps: Callable[[], Steps[Any]]
+) -> Steps[Any]:
     """The cached value of a key, made once, with pauses."""
     if key not in cache:
-        made = yield from making()
+        made = yield from make_steps()
         cache[key] = made
     return cache[key]
 
 
-def making_tree(boxes: Floats) -> Steps[tuple[Made, NDArray[np.int32]]]:
+def tree_steps(boxes: Floats) -> Steps[tuple[Made, NDArray[np.int32]]]:
     """Make a tree over boxes (n, 2, 3) of about unit size, with pauses.
 
     Also returns the box (n,) at each position.
@@ -61,33 +69,33 @@ def making_tree(boxes: Floats) -> Steps[tuple[Made, NDArray[np.int32]]]:
     boxes = np.ascontiguousarray(boxes, float)
     nodes, items = np.empty(len(boxes), NODE), np.empty(len(boxes), np.int32)
     addresses = {"boxes": boxes.ctypes.data, "nodes": nodes.ctypes.data}
-    growth = GrowthStructure(n=len(boxes), items=items.ctypes.data, **addresses)
+    task = TreeTaskStructure(n=len(boxes), items=items.ctypes.data, **addresses)
 
     kernel, is_large = loaded(), len(boxes) > LARGE
-    work = kernel.kiriko_begin_tree(ctypes.addressof(growth), 1 + is_large)
+    work = kernel.kiriko_begin_tree(ctypes.addressof(task), 1 + is_large)
     try:
         while is_large and work and not kernel.kiriko_is_done(work):
             yield 0
             sleep(PAUSE_S)
     except BaseException:
-        growth.is_unwanted = 1
+        task.is_cancelled = 1
         raise
     finally:
         kernel.kiriko_end(work, 1)
 
-    if not growth.n_nodes:
+    if not task.n_nodes:
         raise MemoryError
     made = Made(TreeStructure)
-    made.point("nodes", in_lines(nodes[: growth.n_nodes]), NODE)
+    made.point("nodes", in_lines(nodes[: task.n_nodes]), NODE)
     made.point("items", items, np.int32)
     return made, items
 
 
 def in_lines(nodes: NDArray[np.void]) -> NDArray[np.void]:
     """Copy nodes (n,) to memory aligned to a cache line."""
-    room = np.empty(nodes.nbytes + LINE, np.uint8)
-    begin = -room.ctypes.data % LINE
-    placed = room[begin : begin + nodes.nbytes].view(NODE)
+    buffer = np.empty(nodes.nbytes + LINE, np.uint8)
+    begin = -buffer.ctypes.data % LINE
+    placed = buffer[begin : begin + nodes.nbytes].view(NODE)
     placed[:] = nodes
     return placed
 
@@ -128,38 +136,38 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Steps[Floats]:
     return _grown((boxes - layer.centre) / layer.radius)
 
 
-def _making_face_tree(layer: Layer, curved: CurvedFaces | None) -> Steps[tuple[Made, Floats]]:
+def _build_face_tree(layer: Layer, curved: CurvedFaces | None) -> Steps[tuple[Made, Floats]]:
     """Make a tree over a layer's faces; also returns the facets' frames (t, 4, 3) in its order."""
-    tree, items = yield from making_tree((yield from _face_boxes(layer, curved)))
+    tree, items = yield from tree_steps((yield from _face_boxes(layer, curved)))
     return tree, take(stack_frames(layer.frames), items)
 
 
-def _hull_steps(asked: EngineTriangles) -> Steps[Made]:
-    boxes = np.empty((len(asked.corners), 2, 3))
+def _build_shell_tree(triangles: EngineTriangles) -> Steps[Made]:
+    boxes = np.empty((len(triangles.corners), 2, 3))
     for first in range(0, len(boxes), BOXES_AT_ONCE):
         some = slice(first, first + BOXES_AT_ONCE)
-        boxes[some] = _grown(boxes_of(asked.corners[some].astype(float)))
+        boxes[some] = _grown(boxes_of(triangles.corners[some].astype(float)))
         yield 0
 
-    tree, items = yield from making_tree(boxes)
-    made = Made(HullStructure)
-    made.point("corners", asked.corners[items], np.float32)
-    made.point("owner", asked.owner[items], np.int64)
-    made.point("places", asked.places, np.float32)
-    made.set(n_whole=asked.n_whole, tree=tree.structure)
+    tree, items = yield from tree_steps(boxes)
+    made = Made(EngineTrianglesStructure)
+    made.point("corners", triangles.corners[items], np.float32)
+    made.point("owner", triangles.owner[items], np.int64)
+    made.point("places", triangles.places, np.float32)
+    made.set(n_whole=triangles.n_whole, tree=tree.structure)
     made.keep(tree)
     return made
 
 
 def frames_of(frames: Frames) -> Floats:
     """Frames (t, 4, 3) of triangles, contiguous and cached."""
-    return kept(_frames, frames, lambda: stack_frames(frames))
+    return cached(_frames, frames, lambda: stack_frames(frames))
 
 
 def face_tree_steps(layer: Layer) -> Steps[tuple[Made, Floats]]:
     """Make a tree over a layer's faces, cached; also returns the facets' frames in its order."""
     whole = None if layer.curved is None else layer.curved.whole
-    return keeping(_trees, whole or layer.frames, lambda: _making_face_tree(layer, whole))
+    return cached_steps(_trees, whole or layer.frames, lambda: _build_face_tree(layer, whole))
 
 
 def has_face_tree(layer: Layer) -> bool:
@@ -170,9 +178,9 @@ def has_face_tree(layer: Layer) -> bool:
     return layer.curved is None or layer.curved.whole in _trees
 
 
-def hull_steps(asked: EngineTriangles) -> Steps[Made]:
+def shell_tree_steps(triangles: EngineTriangles) -> Steps[Made]:
     """Make the kernel's form of engine triangles, with a tree over them, cached."""
-    return keeping(_hulls, asked, lambda: _hull_steps(asked))
+    return cached_steps(_shell_trees, triangles, lambda: _build_shell_tree(triangles))
 
 
 class BoundingShellEngine:
@@ -180,8 +188,8 @@ class BoundingShellEngine:
 
     name = "the kernel's tree"
 
-    def __init__(self, asked: EngineTriangles) -> None:
-        self._made = run_steps(hull_steps(asked))
+    def __init__(self, triangles: EngineTriangles) -> None:
+        self._made = run_steps(shell_tree_steps(triangles))
 
     def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> EngineHits:
         origins, directions = (

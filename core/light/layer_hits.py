@@ -79,9 +79,9 @@ def _first_hits(layer: Layer, question: Question) -> Steps[Hits]:
             _test_all(layer, question, rays[first : first + FACES_AT_ONCE], hits)
         return hits
 
-    yield from layer.asked.engine_steps()
+    yield from layer.engine_triangles.engine_steps()
     start = np.maximum(enter[rays], 0.0)
-    lost = yield from _ask_engine(layer, question, rays, start, hits)
+    lost = yield from _search_engine(layer, question, rays, start, hits)
     if len(lost):
         yield from find_missed_hits(layer, question, lost, hits)
     return hits
@@ -113,8 +113,8 @@ def _test_all(
     todo = np.arange(len(rays))
     while len(todo):
         nearest = (t if len(todo) == len(rays) else t[:, todo]).argmin(axis=0)
-        meets = np.isfinite(t[nearest, todo])
-        todo, nearest = todo[meets], nearest[meets]
+        has_hit = np.isfinite(t[nearest, todo])
+        todo, nearest = todo[has_hit], nearest[has_hit]
         found = layer.on_facets(nearest, o[todo], d[todo])
         is_true, is_wrong = question.accept(rays[todo], found)
         if may_pass:
@@ -128,7 +128,7 @@ def _test_all(
         _test_all(layer, question, lost, hits, may_pass=False)
 
 
-def _ask_engine(
+def _search_engine(
     layer: Layer, question: Question, rays: Ints, start: Floats, hits: Hits
 ) -> Steps[Ints]:
     """Set the hits found by the engine; returns the rays that must have hit another face."""
@@ -137,7 +137,7 @@ def _ask_engine(
     step = np.full(len(rays), 3 * FLOAT32 * layer.radius)
     start = np.where(start > 0, start - 2 * layer.tolerance, step)
     start, step = question.search.resume(rays, start, step)
-    asked_of = rays
+    all_rays = rays
     while len(rays):
         # the engine's triangles; a ray within a solid has to hit one
         lines = question.lines.at(rays)
@@ -146,21 +146,23 @@ def _ask_engine(
         ended.append(rays[~hit])
         again = np.zeros(len(rays), bool)
         if layer.curved is not None and question.leaves is not None:
-            only_leaves = layer.asked.are_left(found, lines.directions, far / layer.radius)
+            only_leaves = layer.engine_triangles.are_left(
+                found, lines.directions, far / layer.radius
+            )
             again = hit & ~question.leaves[rays] & only_leaves
             hit &= ~again
 
         # refine the hits and test whether they are true
-        if len(asked := rays[hit]):
+        if len(hitting := rays[hit]):
             lines = lines if hit.all() else lines.at(hit)
-            some, is_met = layer.refine(found, hit, lines, question.leaves_at(asked))
-            enter_again(layer, question, asked, (found, hit, far), (some, is_met), passed)
-            is_true, is_wrong = np.zeros((2, len(asked)), bool)
-            is_true[is_met], is_wrong[is_met] = question.accept(asked[is_met], some.at(is_met))
-            is_true, passes = passed.count(asked, some, is_true, is_wrong)
+            some, is_met = layer.refine(found, hit, lines, question.leaves_at(hitting))
+            enter_again(layer, question, hitting, (found, hit, far), (some, is_met), passed)
+            is_true, is_wrong = np.zeros((2, len(hitting)), bool)
+            is_true[is_met], is_wrong[is_met] = question.accept(hitting[is_met], some.at(is_met))
+            is_true, passes = passed.count(hitting, some, is_true, is_wrong)
             if passes is not None:
                 step[hit] = np.where(passes, 3 * FLOAT32 * layer.radius, step[hit])
-            hits.put(asked[is_true], some.at(is_true))
+            hits.put(hitting[is_true], some.at(is_true))
 
             # the others continue; the true hit may lie slightly beyond the engine's distance
             again[hit] = ~is_true
@@ -175,7 +177,7 @@ def _ask_engine(
         yield 0
         if not len(passed.some_of(rays)) and question.search.put_off(rays, start, step):
             break
-    return question.search.lost(asked_of, passed.lost(ended))
+    return question.search.lost(all_rays, passed.lost(ended))
 
 
 class SelfIntersections:
@@ -267,21 +269,21 @@ def enter_again(
     enters = dot(take(question.lines.directions, rays), take(found.normal, chosen)) < 0
     enters &= question.leaves[rays] & question.is_inside[rays]
     # the entered face lies behind the bounding shell, unless the ray leaves before it
-    asked = np.flatnonzero(enters & ~(is_met & (some.distance <= far[chosen])))
-    if len(asked):
-        which = np.flatnonzero(chosen)[asked]
-        from_outside = np.zeros(len(asked), bool)
-        more, is_more = layer.refine(found, which, question.lines.at(rays[asked]), from_outside)
+    hitting = np.flatnonzero(enters & ~(is_met & (some.distance <= far[chosen])))
+    if len(hitting):
+        which = np.flatnonzero(chosen)[hitting]
+        from_outside = np.zeros(len(hitting), bool)
+        more, is_more = layer.refine(found, which, question.lines.at(rays[hitting]), from_outside)
         # before the exit, and beyond faces already passed
         t = more.distance
-        is_more &= more.enters & (t > np.maximum(passed.last(rays[asked]), 0.0) + layer.tolerance)
-        is_more &= ~(is_met[asked] & (some.distance[asked] < t))
-        some.put(asked[is_more], more.at(is_more))
-        is_met[asked[is_more]] = True
+        is_more &= more.enters & (t > np.maximum(passed.last(rays[hitting]), 0.0) + layer.tolerance)
+        is_more &= ~(is_met[hitting] & (some.distance[hitting] < t))
+        some.put(hitting[is_more], more.at(is_more))
+        is_met[hitting[is_more]] = True
 
 
 @dataclass(frozen=True)
-class RescueKnobs:
+class MissedHitOptions:
     """Options of the search for missed hits; values that decide a hit are repeated in kiriko.h.
 
     Parameters
@@ -297,7 +299,7 @@ class RescueKnobs:
         handled promptly
     """
 
-    beside: int = 6
+    neighbours: int = 6
     wider: float = 1e-6
     many_triangles: int = 10_000
     most_tests: int = 20_000_000
@@ -305,12 +307,12 @@ class RescueKnobs:
     near_at_once: int = 1 << 13
 
 
-RESCUE = RescueKnobs()
+MISSED_HITS = MissedHitOptions()
 
 
 def count_starts(n_triangles: int) -> int:
     """Number of starting places on each curved face of a layer with so many triangles."""
-    return len(ROOTS.starts) if n_triangles < RESCUE.many_triangles else 1
+    return len(ROOTS.starts) if n_triangles < MISSED_HITS.many_triangles else 1
 
 
 class _Nearest:
@@ -350,32 +352,34 @@ def find_missed_hits(layer: Layer, question: Question, rays: Ints, hits: Hits) -
     o, d = question.lines.at(rays)
 
     # a ring of rays around each, a few float32 steps away
-    aside = np.cross(d, np.where(np.abs(d[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]]))
-    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
-    upward = np.cross(d, aside)
-    angle = 2 * np.pi * np.arange(RESCUE.beside)[:, None, None] / RESCUE.beside
-    moved = o + 8 * FLOAT32 * layer.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
+    sideways = np.cross(d, np.where(np.abs(d[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]]))
+    sideways /= np.linalg.norm(sideways, axis=1, keepdims=True)
+    upwards = np.cross(d, sideways)
+    angle = 2 * np.pi * np.arange(MISSED_HITS.neighbours)[:, None, None] / MISSED_HITS.neighbours
+    moved = o + 8 * FLOAT32 * layer.radius * (np.cos(angle) * sideways + np.sin(angle) * upwards)
 
     nearest = _Nearest(layer, question, rays)
-    yield from _ask_beside(layer, question, moved.reshape(-1, 3), nearest)
+    yield from _search_neighbours(layer, question, moved.reshape(-1, 3), nearest)
     left = nearest.put_into(hits)
-    yield from ask_all_triangles(layer, question, left, hits)
+    yield from search_all_triangles(layer, question, left, hits)
 
 
-def _ask_beside(layer: Layer, question: Question, beside: Floats, nearest: _Nearest) -> Steps[None]:
+def _search_neighbours(
+    layer: Layer, question: Question, neighbours: Floats, nearest: _Nearest
+) -> Steps[None]:
     """Keep the nearest true hit of rays among all triangles hit by their neighbours.
 
     neighbours : (m n, 3) origins, m for each ray
     """
     lines = question.lines.at(nearest.rays)
-    row = np.tile(np.arange(len(nearest.rays)), len(beside) // len(nearest.rays))
+    row = np.tile(np.arange(len(nearest.rays)), len(neighbours) // len(nearest.rays))
     step = np.full(len(row), 3 * FLOAT32 * layer.radius)
     start = -2 * step
 
     while len(row):
-        found, far = layer.shoot(RayLines(beside, lines.directions[row]), start)
+        found, far = layer.shoot(RayLines(neighbours, lines.directions[row]), start)
         met = found.triangle >= 0
-        beside, row, start, step, far = (x[met] for x in (beside, row, start, step, far))
+        neighbours, row, start, step, far = (x[met] for x in (neighbours, row, start, step, far))
 
         some, is_met = layer.refine(found, met, lines.at(row), None)
         nearest.keep(row, some, is_met & layer.is_on_face(some))
@@ -386,13 +390,13 @@ def _ask_beside(layer: Layer, question: Question, beside: Floats, nearest: _Near
         yield 0
 
 
-def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Steps[None]:
+def search_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Steps[None]:
     """Test rays (n,) against every triangle, within the budget."""
     if not len(rays):
         return
 
-    budget = max(1, RESCUE.most_tests // layer.n_triangles)
-    per_chunk = max(1, RESCUE.pairs_at_once // layer.n_triangles)
+    budget = max(1, MISSED_HITS.most_tests // layer.n_triangles)
+    per_chunk = max(1, MISSED_HITS.pairs_at_once // layer.n_triangles)
     nearest = _Nearest(layer, question, rays[:budget])
     lines = question.lines.at(nearest.rays)
     spheres = spheres_of(layer.corners) if layer.curved is None else layer.curved.spheres
@@ -405,7 +409,7 @@ def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) 
         yield 0
         # several chunks are tested together
         is_last = first + per_chunk >= len(nearest.rays)
-        if is_last or sum(len(i) for i, _ in near) >= RESCUE.near_at_once:
+        if is_last or sum(len(i) for i, _ in near) >= MISSED_HITS.near_at_once:
             i, k = (np.concatenate(column) for column in zip(*near, strict=True))
             yield from _test(layer, question, nearest, i, k)
             near = []
@@ -422,10 +426,10 @@ def _test(layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints)
         i, k = i[~is_curved], k[~is_curved]
         yield from _test_curved(layer, question, nearest, *on_curved)
 
-    for first in range(0, len(i), RESCUE.near_at_once):
-        j = i[first : first + RESCUE.near_at_once]
-        found = layer.on_facets(k[first : first + RESCUE.near_at_once], *lines.at(j))
-        good = is_within(found.u, found.v, RESCUE.wider)
+    for first in range(0, len(i), MISSED_HITS.near_at_once):
+        j = i[first : first + MISSED_HITS.near_at_once]
+        found = layer.on_facets(k[first : first + MISSED_HITS.near_at_once], *lines.at(j))
+        good = is_within(found.u, found.v, MISSED_HITS.wider)
         nearest.keep(j[good], found.at(good))
         yield 0
 
@@ -440,9 +444,9 @@ def _test_curved(
     i, k = i[holds], k[holds]
 
     for u, v in ROOTS.starts[: count_starts(layer.n_triangles)]:
-        for first in range(0, len(i), RESCUE.near_at_once):
-            j = i[first : first + RESCUE.near_at_once]
-            faces = k[first : first + RESCUE.near_at_once]
+        for first in range(0, len(i), MISSED_HITS.near_at_once):
+            j = i[first : first + MISSED_HITS.near_at_once]
+            faces = k[first : first + MISSED_HITS.near_at_once]
             spots = Spots(faces, np.full(len(j), u), np.full(len(j), v))
             of_these = None if leaves is None else leaves[j]
             found, is_met = layer.on_curved(spots, lines.at(j), of_these, is_last=True)

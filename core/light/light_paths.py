@@ -75,30 +75,30 @@ def following(
     first = np.searchsorted(ray[order], np.arange(n + 1))
 
     ends, end_parts, is_more = _ends(plan, landings, np.diff(first), triangle[order], first, tails)
-    ways = []
+    paths = []
     for i in range(n):
         events = order[first[i] : first[i + 1]]
         points = [origins[i : i + 1], place[events], ends[i : i + 1][is_more[i : i + 1]]]
         parts = plan.triangles.part[triangle[events]]
         of_end = end_parts[i : i + 1][is_more[i : i + 1]]
-        way = LightPath(
+        path = LightPath(
             points=np.concatenate(points),
             parts=np.concatenate([[NOTHING], parts, of_end]).astype(np.int64),
             reason=Reason(int(landings.reason[i])),
         )
-        ways.append(_passing_by(way, directions[i], aims[i] + tails.tail))
-    return ways
+        paths.append(_shorten_missed(path, directions[i], aims[i] + tails.tail))
+    return paths
 
 
-def _passing_by(way: LightPath, direction: Floats, length: float) -> LightPath:
+def _shorten_missed(path: LightPath, direction: Floats, length: float) -> LightPath:
     """Shorten a path that missed the glass, if it meets nothing before; others are unchanged."""
-    start = way.points[0]
-    if way.reason != Reason.MISSED_GLASS:
-        return way
-    if len(way.points) > 2 and np.linalg.norm(way.points[1] - start) < length:
-        return way
+    start = path.points[0]
+    if path.reason != Reason.MISSED_GLASS:
+        return path
+    if len(path.points) > 2 and np.linalg.norm(path.points[1] - start) < length:
+        return path
     points = np.stack([start, start + length * direction])
-    return LightPath(points, np.full(2, NOTHING), way.reason)
+    return LightPath(points, np.full(2, NOTHING), path.reason)
 
 
 def _ends(

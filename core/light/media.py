@@ -123,8 +123,7 @@ def _wider(boxes: Floats, by: Floats) -> Floats:
 
 def boxes_touch(boxes: Floats, slack: float, others: Floats | None = None) -> Bools:
     """Whether axis-aligned boxes (n, 2, 3) and others (m, 2, 3), by default the same, overlap or
-    are
-    closer than `slack`: (n, m).
+    are closer than `slack`: (n, m).
     """
     others = boxes if others is None else others
     touch = np.ones((len(boxes), len(others)), bool)

@@ -32,7 +32,7 @@ class Interaction(NamedTuple):
         `interact`; from the part and its surface
     """
 
-    meet: Callable[[Plan, Rays, Ints, Hits, list[Hits]], None]
+    interact: Callable[[Plan, Rays, Ints, Hits, list[Hits]], None]
     surface: Callable[[Any, MeshCache], tuple[Surface, str]] | None
     ends: bool = False
     crosses: bool = False
@@ -47,8 +47,7 @@ def key_of_facets(mesh: Mesh) -> str:
 
 def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats, Bools]:
     """Geometric and shading normals (n, 3), both against the ray, and where (n,) the face's own
-    normal
-    replaces a bent one facing away.
+    normal replaces a bent one facing away.
     """
     # of curved faces
     geometric = take(plan.triangles.normals, hits.triangle)

@@ -38,7 +38,7 @@ class MeshCache:
             self._now[key] = self._old[key] if key in self._old else make()
         return self._now[key]
 
-    def making(self, key: str, make: Callable[[], Steps[Thing]]) -> Steps[Thing]:
+    def get_steps(self, key: str, make: Callable[[], Steps[Thing]]) -> Steps[Thing]:
         """The cached result of a key, else a new one, made with pauses."""
         if key not in self._now:
             self._now[key] = self._old[key] if key in self._old else (yield from make())
@@ -46,8 +46,7 @@ class MeshCache:
 
     def get_solids(self, mesh: Mesh) -> Steps[tuple[str, list[Surface], Motion | None]]:
         """Key and solids of a mesh, or of an earlier congruent one, and the motion from there to
-        this
-        mesh.
+        this mesh.
         """
         key, motion = self._places.get(mesh, (None, None))
         if key not in self._old and key not in self._now:
@@ -60,7 +59,7 @@ class MeshCache:
         """Key of a mesh's solids, and the motion from there; solids are made if necessary."""
         key = mesh.fingerprint
         if key not in self._old and key not in self._now:
-            for other in () if self._is_exact else self._alike(mesh):
+            for other in () if self._is_exact else self._same_size(mesh):
                 motion = find_motion(self._old[other][0], mesh)
                 if motion is not None:
                     return other, motion
@@ -68,7 +67,7 @@ class MeshCache:
 
         return key, None
 
-    def _alike(self, mesh: Mesh) -> list[str]:
+    def _same_size(self, mesh: Mesh) -> list[str]:
         """Keys of old meshes of this one's size, to avoid comparing all of them."""
         if self._sizes is None:
             made = {key: one[0] for key, one in self._old.items() if isinstance(one, tuple)}

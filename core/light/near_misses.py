@@ -47,8 +47,7 @@ class Packing:
 
     def of(self, corners: Floats, patch: Ints, part: Ints) -> Packed:
         """Boxes of triangles with corners (t, 3, 3), m, in patches (t,) and parts (t,), packed by
-        the
-        parts' first placement.
+        the parts' first placement.
         """
         if self._packed is None:
             self._packed = _pack(corners, patch, part)
@@ -91,7 +90,7 @@ def _along_curve(points: Floats) -> Ints:
 
 
 @dataclass(frozen=True)
-class ThinPartsKnobs:
+class NearMissOptions:
     """Options of the box search; tuned for time by `dev.py bench`.
 
     Parameters
@@ -110,7 +109,7 @@ class ThinPartsKnobs:
     widest: float = 1 / 16
 
 
-THIN = ThinPartsKnobs()
+NEAR_MISSES = NearMissOptions()
 
 
 MOST_BUNDLED = 32  # rays
@@ -144,7 +143,7 @@ class _KernelBoxes:
         made.point("unit_of_patch", unit_of_patch, np.int64)
         made.set(n_patches=len(unit_of_patch), n_units=self._n_units)
 
-    def knows(self, rays: Ints) -> bool:
+    def supports(self, rays: Ints) -> bool:
         """Whether the kernel can process bundles of such rays (s, k)."""
         return 0 < rays.shape[1] <= MOST_BUNDLED and self._n_units <= MOST_UNITS
 
@@ -184,8 +183,7 @@ class _Bundles:
     @cached_property
     def outer(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
         """The upper and the lower line of each cone along each axis: its start, and its extent to
-        the
-        end, (3, n).
+        the end, (3, n).
 
         A zero extent is never -0.0.
         """
@@ -252,8 +250,8 @@ class ThinParts:
         rays : (s, k) the rays of each bundle
         """
         low, high = self.box
-        widest = THIN.widest * float(np.linalg.norm(high - low))
-        if library() is not None and self._of_kernel.knows(rays):
+        widest = NEAR_MISSES.widest * float(np.linalg.norm(high - low))
+        if library() is not None and self._of_kernel.supports(rays):
             return (yield from self._of_kernel.touch(places, met, rays, widest))
 
         places, met = take(places, rays), take(met, rays)
@@ -263,7 +261,7 @@ class ThinParts:
         yield 0
         bundles, touched = _bundles(places, met, widest)
         yield 0
-        at_once = max(1, THIN.pairs_at_once // self.n_units)
+        at_once = max(1, NEAR_MISSES.pairs_at_once // self.n_units)
         for first in range(0, len(bundles.owner), at_once):
             i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])
             yield from self._look_into(0, bundles, i + first, node, touched)
@@ -277,13 +275,13 @@ class ThinParts:
         One triangle is enough for an owner, so many boxes are processed in turns and marked owners
         skipped.
         """
-        turns = THIN.turns if len(i) > THIN.many else 1
+        turns = NEAR_MISSES.turns if len(i) > NEAR_MISSES.many else 1
         for turn in range(turns):
             some = np.arange(turn, len(i), turns)
             some = some[~touched[bundles.owner[i[some]]]]
 
-            for first in range(0, len(some), THIN.boxes_at_once):
-                chosen = some[first : first + THIN.boxes_at_once]
+            for first in range(0, len(some), NEAR_MISSES.boxes_at_once):
+                chosen = some[first : first + NEAR_MISSES.boxes_at_once]
                 boxes = (np.take(side, node[chosen], axis=1) for side in self._boxes[level])
                 near = chosen[_is_in_boxes(bundles, i[chosen], *boxes)]
 
@@ -345,8 +343,7 @@ class ThinParts:
 
 def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]:
     """The rays of bundles between their events while they stay together; and which (s,) are wide
-    from
-    the start.
+    from the start.
 
     widest : m, between rays
     """
@@ -358,7 +355,7 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
             off = np.abs(places[:, :, k + 1] - places[:, :1, k + 1]).max(axis=(1, 2), initial=0.0)
         # rays leaving the rig are followed far beyond it: allow the bundle to be as wide as the rig
         leaves = (met[:, :, k] < 0).any(axis=1)
-        is_wide = off > np.where(leaves, widest / THIN.widest, widest)
+        is_wide = off > np.where(leaves, widest / NEAR_MISSES.widest, widest)
 
         parts = (met[:, :, k] != met[:, :1, k]).any(axis=1)
         if k == 0:
@@ -382,11 +379,13 @@ def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools
     """
     enter = np.zeros(len(i))
     leave = np.ones(len(i))
-    for side, (start, way), is_lower in zip((low, high), bundles.outer, (True, False), strict=True):
-        way = np.take(way, i, axis=1)
+    for side, (start, extent), is_lower in zip(
+        (low, high), bundles.outer, (True, False), strict=True
+    ):
+        extent = np.take(extent, i, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            at = (side - np.take(start, i, axis=1)) / way  # inf for always or never
-        comes = (way >= 0) == is_lower
+            at = (side - np.take(start, i, axis=1)) / extent  # inf for always or never
+        comes = (extent >= 0) == is_lower
         # along the first axis: reductions over rows of three are several times slower
         enter = np.fmax(enter, np.fmax.reduce(np.where(comes, at, -np.inf), axis=0))
         leave = np.fmin(leave, np.fmin.reduce(np.where(comes, np.inf, at), axis=0))

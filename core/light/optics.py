@@ -61,8 +61,7 @@ def refract(
 
 def transmittance(c1: Floats, c2: Floats, eta: Floats | float) -> Floats:
     """Unpolarised Fresnel transmittance of power (n,), from the cosines before and behind a face; 0
-    at
-    grazing incidence.
+    at grazing incidence.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         s = (eta * c1 - c2) / (eta * c1 + c2)

@@ -44,34 +44,32 @@ def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:
 
 def is_odd(n: Ints) -> Bools:
     """Whether integers (n,) are odd, by their lowest bit; the remainder would take as long as the
-    rest
-    of the fold.
+    rest of the fold.
     """
     return (n & 1).astype(bool)
 
 
 def odd_share(r: Floats) -> Floats:
     """Share (n,) of light with an odd number of reflections, over all phases, for a displacement of
-    r
-    (n,) pitches.
+    r (n,) pitches.
     """
     return 1.0 - np.abs(np.abs(r) % 2 - 1.0)
 
 
 def odd_number(r: Floats) -> Floats:
-    """The odd number of reflections: of the two possible numbers, |r| rounded up and down, one
-    is odd.
+    """The odd number of reflections: of the two possible numbers, |r| rounded up and down, one is
+    odd.
     """
     return 2.0 * np.floor(np.abs(r) / 2) + 1.0
 
 
-def reflected_share(array: MirrorArray, travel: Floats, is_turned: bool) -> Floats:
+def reflected_share(array: MirrorArray, travel: Floats, is_reversed: bool) -> Floats:
     """Share (n,) of light transmitted by one layer after an odd (is_turned) or even number of
     reflections.
     """
     share = odd_share(travel)
     number = odd_number(travel)
-    if is_turned:
+    if is_reversed:
         return share * array.reflectance**number
     return (1.0 - share) * array.reflectance ** (
         number + np.where(np.abs(travel) < number, -1.0, 1.0)
@@ -232,14 +230,14 @@ class ArrayFrame:
         normals, offset = self._mirrors(light.place)
         place = light.place
         along = light.along
-        way = array.height / (array.ior * light.depth)  # through a layer, per unit of `along`
+        drift = array.height / (array.ior * light.depth)  # through a layer, per unit of `along`
         phase = np.fmod(array.phase, 1.0)  # whole pitches have no effect
         is_first = light.side > 0  # light against the normal meets the second layer first
-        turned_round = []
+        reversals = []
 
         for first, then in ((0, 1), (1, 0)):
             normal = np.where(is_first, normals[first], normals[then])
-            beside = np.where(
+            shift = np.where(
                 is_first,
                 offset[first] - array.pitch * phase[first],
                 offset[then] - array.pitch * phase[then],
@@ -247,30 +245,30 @@ class ArrayFrame:
 
             # where the light meets the layer, and the effect of the layer
             speed = _dot(along, normal)
-            q = (_dot(place, normal) + beside) / array.pitch
-            moved, is_turned, part = layer(q, speed * way / array.pitch)
+            q = (_dot(place, normal) + shift) / array.pitch
+            moved, is_reversed, part = layer(q, speed * drift / array.pitch)
             throughput = throughput * part
-            turned_round.append(is_turned)
+            reversals.append(is_reversed)
 
             step = array.pitch * moved
             # light drifts along the mirrors of slits, but not of holes
             if array.layout == "crossed":
-                place = place + way * along
-                step = step - way * speed
+                place = place + drift * along
+                step = step - drift * speed
             place = place + step * normal
-            along = along - np.where(is_turned, 2.0 * speed, 0.0) * normal
+            along = along - np.where(is_reversed, 2.0 * speed, 0.0) * normal
 
         # relative to the middle plane
         place = place - 0.5 * array.thickness / light.cosine * along
-        before, after = turned_round
+        before, after = reversals
         path = np.where(is_first, _PATHS[before + 2 * after], _PATHS[after + 2 * before])
         return self._leaving(place, along, light.side * light.cosine, throughput, path)
 
-    def _as_mirrors(self, q: Floats, travel: Floats) -> "_Turned":
+    def _as_mirrors(self, q: Floats, travel: Floats) -> "_LayerEffect":
         out, n_reflections = fold(q, travel)
         return out - q, is_odd(n_reflections), self.array.reflectance**n_reflections
 
-    def _as_one_mirror(self, q: Floats, travel: Floats) -> "_Turned":
+    def _as_one_mirror(self, q: Floats, travel: Floats) -> "_LayerEffect":
         return np.zeros(len(q)), np.ones(len(q), bool), reflected_share(self.array, travel, True)
 
 
@@ -279,8 +277,8 @@ _PATHS = np.array(
     [PlatePath.THROUGH, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.IMAGED], np.uint8
 )
 # of a layer: displacement in pitches; whether the light is reversed; its throughput
-_Turned = tuple[Floats, Bools, Floats]
-_Layer = Callable[[Floats, Floats], _Turned]
+_LayerEffect = tuple[Floats, Bools, Floats]
+_Layer = Callable[[Floats, Floats], _LayerEffect]
 
 
 def light_by_angle(

@@ -26,7 +26,7 @@ from .hits import Hits, is_within
 
 
 @dataclass(frozen=True)
-class LeavingKnobs:
+class LeavingOptions:
     """When a ray through the bounding shell is only leaving it; repeated in the kernel's layers.c.
 
     Tuned for time: results are unchanged, and most such rays skip the test of curved faces
@@ -40,14 +40,13 @@ class LeavingKnobs:
     near: float = 0.1
 
 
-LEAVING = LeavingKnobs()
+LEAVING = LeavingOptions()
 
 
 @dataclass(frozen=True, eq=False)
 class EngineTriangles:
     """Triangles of a ray engine: n_whole flat ones of a layer, then the bounding shell of its
-    curved
-    faces.
+    curved faces.
 
     corners : (p, 3, 3) from the layer's centre, in units of its radius
     owner : (p,) the layer's triangle
@@ -108,9 +107,9 @@ class Layer:
     """
 
     def __init__(
-        self, corners: Floats, curved: CurvedFaces | None = None, hull: BoundingShell | None = None
+        self, corners: Floats, curved: CurvedFaces | None = None, shell: BoundingShell | None = None
     ) -> None:
-        """A layer of triangles (t, 3, 3), m; `hull` is the bounding shell of its curved faces, if
+        """A layer of triangles (t, 3, 3), m; `shell` is the bounding shell of its curved faces, if
         already made.
         """
         self.motion: Motion | None = None
@@ -124,19 +123,19 @@ class Layer:
         n_whole = len(corners)
         places = np.empty((0, 3, 2), np.float32)
         if curved is not None:
-            hull = hull or run_steps(bounding_shell_steps(curved))
+            shell = shell or run_steps(bounding_shell_steps(curved))
             flat = np.flatnonzero(curved.row < 0)
-            owner = np.concatenate([flat, hull.triangle])
-            places = hull.places
+            owner = np.concatenate([flat, shell.triangle])
+            places = shell.places
             n_whole = len(flat)
-            corners = np.concatenate([corners[flat], hull.corners])
+            corners = np.concatenate([corners[flat], shell.corners])
 
         # origin and unit with the least float32 rounding
         self.bounds = box_of(corners)
         self.centre = self.bounds.mean(axis=0)
         self.radius = float(np.linalg.norm(self.bounds[1] - self.centre)) or 1.0
         self.tolerance = 4 * FLOAT32 * self.radius
-        self.asked = EngineTriangles(
+        self.engine_triangles = EngineTriangles(
             ((corners - self.centre) / self.radius).astype(np.float32), owner, n_whole, places
         )
 
@@ -197,14 +196,16 @@ class Layer:
         """
         origins, directions = lines
         moved = (origins + start[:, None] * directions - self.centre) / self.radius
-        found = self.asked.engine.shoot(moved.astype(np.float32), directions.astype(np.float32))
+        found = self.engine_triangles.engine.shoot(
+            moved.astype(np.float32), directions.astype(np.float32)
+        )
         return found, start + found.distance.astype(float) * self.radius
 
     def refine(
         self, found: EngineHits, chosen: Bools, lines: RayLines, leaves: Bools | None
     ) -> tuple[Hits, Bools]:
         """Refine chosen engine hits to float64 (n,), and whether they exist."""
-        spots = self.asked.spots(found, chosen)
+        spots = self.engine_triangles.spots(found, chosen)
         k = spots.triangle
         if self.curved is None:
             return self.on_facets(k, *lines), np.ones(len(k), bool)

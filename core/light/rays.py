@@ -78,8 +78,7 @@ class Landings:
     @property
     def is_beside_glass(self) -> Bools:
         """Whether light passed by the glass, via the plate if one is required; False if the
-        settings
-        do not follow such light.
+        settings do not follow such light.
         """
         return (self.reason == Reason.MISSED_GLASS) & (self.branch != 0)
 
@@ -147,7 +146,7 @@ def main_landings(landings: Landings, n_rays: int, expected: Words | None = None
     main = main_of(landings, n_rays, expected)
     with_one = np.flatnonzero(main >= 0)
 
-    unknown = Landings(
+    result = Landings(
         sample=np.arange(n_rays),
         reason=np.full(n_rays, Reason.MISSED_DISPLAY, landings.reason.dtype),
         branch=np.zeros(n_rays, np.uint64),
@@ -160,9 +159,9 @@ def main_landings(landings: Landings, n_rays: int, expected: Words | None = None
         leak=np.full(n_rays, -1, np.int64),
     )
     for name in Landings.__dataclass_fields__:
-        getattr(unknown, name)[with_one] = getattr(landings, name)[main[with_one]]
+        getattr(result, name)[with_one] = getattr(landings, name)[main[with_one]]
 
-    return unknown
+    return result
 
 
 PlateLight = Literal["imaged", "folded", "reflected"]

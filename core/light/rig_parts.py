@@ -51,8 +51,7 @@ def find_thin_surfaces(surfaces: list[Surface], kind: Ints) -> Ints:
 
 def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
     """Whether the rig, except the display, lies on one side of each plate: (p, 2) none in front of
-    its
-    normal, none behind.
+    its normal, none behind.
 
     Boxes (a, 2, 3) of deferred glass count as parts of the rig.
     """
@@ -73,13 +72,13 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
     return is_clear
 
 
-def read_thin_surfaces(rig: Rig, kept: MeshCache) -> list[ThinSurface]:
+def read_thin_surfaces(rig: Rig, mesh_cache: MeshCache) -> list[ThinSurface]:
     """All parts except solids, the display last."""
-    laws = [(role, INTERACTIONS[role.kind].surface) for role in MET_ROLES]
-    laws.sort(key=lambda pair: pair[0].kind == Kind.DISPLAY)
+    interactions = [(role, INTERACTIONS[role.kind].surface) for role in MET_ROLES]
+    interactions.sort(key=lambda pair: pair[0].kind == Kind.DISPLAY)
     return [
-        ThinSurface(role, part, *surface(part, kept))
-        for role, surface in laws
+        ThinSurface(role, part, *surface(part, mesh_cache))
+        for role, surface in interactions
         if surface is not None
         for part in rig.of(role)
     ]
@@ -139,10 +138,13 @@ class RigParts:
     @cached_property
     def elements(self) -> tuple[Any, ...]:
         """Data of each part (p,) for its interaction."""
-        laws = (INTERACTIONS[sheet.role.kind] for sheet in self.sheets)
+        interactions = (INTERACTIONS[sheet.role.kind] for sheet in self.sheets)
         return (
             *(solid.glass for solid in self.solids),
-            *(law.element(s.part, s.surface) for law, s in zip(laws, self.sheets, strict=True)),
+            *(
+                interaction.element(s.part, s.surface)
+                for interaction, s in zip(interactions, self.sheets, strict=True)
+            ),
         )
 
     def joined(self, name: str) -> np.ndarray:
@@ -202,22 +204,22 @@ def _corner_normals(surfaces: list[Surface]) -> Floats | None:
     ])  # fmt: skip
 
 
-def _moved(key: str, made: list[Surface], motion: Motion, kept: MeshCache) -> list[Surface]:
+def _moved(key: str, made: list[Surface], motion: Motion, mesh_cache: MeshCache) -> list[Surface]:
     """Moved solids, cached while they stay: perhaps only a viewer moves."""
-    return kept.get(
+    return mesh_cache.get(
         f"{key} moved by {fingerprint(motion)}", lambda: [one.moved(motion) for one in made]
     )
 
 
-def read_solids(rig: Rig, kept: MeshCache, aside: tuple[int, ...]) -> Steps[list[Solid]]:
+def read_solids(rig: Rig, mesh_cache: MeshCache, aside: tuple[int, ...]) -> Steps[list[Solid]]:
     """All solids of a rig, except glasses with numbers in `aside`."""
     solids = []
     for number, glass in enumerate(rig.glasses):
         if number in aside:
             continue
 
-        key, made, motion = yield from kept.get_solids(glass.mesh)
-        here = made if motion is None else _moved(key, made, motion, kept)
+        key, made, motion = yield from mesh_cache.get_solids(glass.mesh)
+        here = made if motion is None else _moved(key, made, motion, mesh_cache)
         for surface in here:
             for viewer in rig.viewers:
                 check_viewer_outside(viewer, glass, surface)

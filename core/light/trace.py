@@ -16,7 +16,7 @@ from .plan import Plan, PlannedLayer
 from .rays import DeferredObjectError, Landings, PlateLight, Rays, Step, Words, join
 
 
-class _Sides:
+class _HitSides:
     """Decides which hits in a layer are true: solids are entered from outside and left from inside
     (docs/decisions/01-true-hits.md).
 
@@ -92,7 +92,7 @@ def find_first_hits(
     live = rays.live
     origins = take(rays.positions, live)
     directions = take(rays.directions, live)
-    sides = _Sides(plan, rays)
+    sides = _HitSides(plan, rays)
     by_layer = [None] * len(plan.layers)
     nearest, cosine = np.full(len(live), np.inf), np.ones(len(live))
     near = NEAR * plan.merge_distance if plan.display.is_by_glass else 0.0
@@ -176,8 +176,7 @@ def trace_all(
 
 def recording(plan: Plan, origins: Floats, directions: Floats) -> Steps[tuple[Landings, Words]]:
     """Landings of rays (n, 3), and the course of each: its branch after each of at most m events,
-    for
-    comparison in `tracing`.
+    for comparison in `tracing`.
     """
     n = (1 + plan.n_copies) * len(origins)
     course = np.zeros((n, 8), np.uint64)
@@ -203,8 +202,7 @@ def tracing(
     light: PlateLight = "imaged",
 ) -> Steps[Landings]:
     """Follow rays backward from the viewer until each has landed on the display or is lost; yields
-    the
-    number ended since the last yield.
+    the number ended since the last yield.
 
     Parameters
     ----------
@@ -289,8 +287,8 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
         # glass coincident with the thin surface just left: do not hit the surface again from there
         part = plan.triangles.part[hits.triangle]
         kind = plan.parts.kind[part]
-        is_beside = (kind == Kind.GLASS) & (hits.distance * hits.cosine <= plan.merge_distance)
-        rays.last_part[rays.live[~is_beside]] = plan.parts.sheet[part[~is_beside]]
+        is_coincident = (kind == Kind.GLASS) & (hits.distance * hits.cosine <= plan.merge_distance)
+        rays.last_part[rays.live[~is_coincident]] = plan.parts.sheet[part[~is_coincident]]
 
         before = rays.mask[rays.live]
         _interact(plan, rays, hits, by_layer, kind)
@@ -306,17 +304,21 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
 
 def _interact(plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], kind: Ints) -> None:
     """Apply the interaction of each kind of part to the live rays that hit it."""
-    for of_kind, law in INTERACTIONS.items():
+    for of_kind, interaction in INTERACTIONS.items():
         some = np.flatnonzero(kind == of_kind)
         if len(some):
-            others = [other.at(some) for other in by_layer] if law.crosses else []
-            law.meet(plan, rays, rays.live[some], hits.at(some), others)
+            others = [other.at(some) for other in by_layer] if interaction.crosses else []
+            interaction.interact(plan, rays, rays.live[some], hits.at(some), others)
 
 
 def _step_of(plan: Plan, rays: Rays, hits: Hits, left: Ints) -> Step:
     """The step of live rays to their hits, and of rays without one; copies are left out."""
-    asked = rays.live < rays.n_asked
-    triangle, live, left = hits.triangle[asked], rays.live[asked], left[left < rays.n_asked]
+    is_original = rays.live < rays.n_asked
+    triangle, live, left = (
+        hits.triangle[is_original],
+        rays.live[is_original],
+        left[left < rays.n_asked],
+    )
     return Step(
         rays=live,
         place=rays.positions[live],

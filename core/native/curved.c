@@ -1,4 +1,4 @@
-/* Curved faces: where rays meet them. Ray by ray what core/glass/curved_hits.py does for many at once. */
+/* Intersections of rays with curved faces, ray by ray. The numpy reference is core/glass/curved_hits.py. */
 
 #include <string.h>
 
@@ -10,8 +10,8 @@
 #define CONVERGED 3e-6
 #define ASIDE 0.6
 #define WALKS 8
-#define LINE 64 /* bytes that memory hands over together */
-#define CORNER_TURNS 32 /* faces around a corner of one, either way */
+#define LINE 64 /* bytes of a cache line */
+#define CORNER_TURNS 32 /* faces around a corner, in each direction */
 #define FEW_STARTS 2
 
 /* Coefficients of points relative to the first corner. */
@@ -58,7 +58,7 @@ static void value_and_slopes(const double c[N_TERMS][3], double u, double v, dou
     }
 }
 
-/* The next u, v by Newton's method; returns the step's size before it was limited. */
+/* One step of Newton's method for u, v; returns the step's size before limiting. */
 static double step(const double c[N_TERMS][3], const double *away, const double *d, double *u, double *v) {
     double at[3], by_u[3], by_v[3], across[3], normal[3];
     value_and_slopes(c, *u, *v, at, by_u, by_v);
@@ -79,7 +79,7 @@ static bool goes_on(double u, double v, double size) {
     return !(size < CONVERGED) && u > -ASIDE && v > -ASIDE && 1.0 - u - v > -ASIDE;
 }
 
-/* Newton's method on what of point(u, v) - origin is across the ray; steps and range are limited. */
+/* Newton's method on the components of point(u, v) - origin across the ray; steps and range are limited. */
 static bool newton(const double c[N_TERMS][3], const double *away, const double *d, Hit *hit) {
     double size = 0, at[3], by_u[3], by_v[3];
     for (int turn = 0; turn < ITERATIONS; turn++) {
@@ -95,19 +95,19 @@ static bool newton(const double c[N_TERMS][3], const double *away, const double 
     return size < CONVERGED;
 }
 
-/* The place on a neighbour across an edge next to where u, v left the face. */
+/* The place on a neighbour across the edge where u, v left the face. */
 static void step_over(const Curved *curved, int64_t row, int edge, double *u, double *v) {
-    double along = edge == 0 ? *u : edge == 1 ? *v : 1 - *u - *v; /* weight of the corner in which the edge ends */
+    double along = edge == 0 ? *u : edge == 1 ? *v : 1 - *u - *v; /* weight of the corner at the edge's end */
     along = along < 0 ? 0 : along > 1 ? 1 : along;
     double weights[3] = {0, 0, 0};
     int theirs = (int)curved->neighbour_edge[3 * row + edge];
-    weights[theirs] = along; /* it runs the other way there */
+    weights[theirs] = along; /* the neighbour runs in the opposite direction */
     weights[(theirs + 1) % 3] = 1 - along;
     *u = weights[1];
     *v = weights[2];
 }
 
-/* A root on a face or, after some walks, on another; of whichever side. */
+/* A root on a face or, after some walks, on another; of either side. */
 static bool find_root(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
                       int walks, Hit *hit) {
     double c[N_TERMS][3], away[3];
@@ -145,13 +145,13 @@ void tangents(const double *d, double axes[2][3]) {
     axes[1][2] = -d[1];
 }
 
-/* As seen along a ray, by its tangents, does the box around the Bezier points of a face hold it? */
+/* Whether the box around a face's Bezier points, seen along a ray by its tangents, contains the ray. */
 bool is_in_box(const Curved *curved, int64_t k, const double *o, const double axes[2][3]) {
     double c[N_TERMS][3];
     load_face(curved, k, c);
     for (int a = 0; a < 2; a++) {
         const double *axis = axes[a];
-        double seen[N_TERMS], low = 0, high = 0, at = 0; /* the first corner is where it begins */
+        double seen[N_TERMS], low = 0, high = 0, at = 0; /* the first corner is the origin */
         for (int i = 0; i < N_TERMS; i++) seen[i] = dot(c[i], axis);
         for (int j = 0; j < 3; j++) at += (o[j] - curved->corners[9 * k + j]) * axis[j];
         for (int n = 1; n <= N_TERMS; n++) {
@@ -176,7 +176,7 @@ static double facing_along(const double c[N_TERMS][3], const double *d, double u
 
 static double or_zero(double x) { return x == x ? x : 0; }
 
-/* A place about as far beyond where the ray touches the surface as u, v are before it, or the reverse. */
+/* Reflect u, v to the opposite side of the curve where the ray is tangent to the surface. */
 static void across(const Curved *curved, int64_t k, const double *d, double *u, double *v) {
     double c[N_TERMS][3], by_u[3], by_v[3], other_u[3], other_v[3];
     load_face(curved, k, c);
@@ -193,11 +193,11 @@ static void across(const Curved *curved, int64_t k, const double *d, double *u, 
     *v += way * or_zero(b);
 }
 
-/* A ray whose nearest root of the right side, between two distances, is looked for. */
+/* Search for a ray's nearest root on the required side, between two distances. */
 typedef struct {
     const Curved *curved;
     const double *o, *d;
-    double axes[2][3]; /* its tangents */
+    double axes[2][3]; /* of the ray */
     int n_starts;
     bool leaves, is_found;
     double least, most;
@@ -217,7 +217,7 @@ static void search_face(Around *around, int64_t k) {
     }
 }
 
-/* Search a face and those around its corners, from many places on each. */
+/* Search a face and the faces around its corners, from many places on each. */
 static bool search_around(Around *around, int64_t triangle) {
     const Curved *curved = around->curved;
     tangents(around->d, around->axes);
@@ -226,7 +226,7 @@ static bool search_around(Around *around, int64_t triangle) {
         bool is_closed = false;
         for (int way = 0; way < 2 && !is_closed; way++) {
             int64_t k = triangle;
-            int at = corner; /* of the face, where the corner is */
+            int at = corner; /* index of the corner in the face */
             for (int turn = 0; turn < CORNER_TURNS; turn++) {
                 int64_t place = 3 * curved->row[k] + (way ? (at + 2) % 3 : at);
                 k = curved->neighbour[place];
@@ -244,13 +244,13 @@ static void fetch(const void *from, size_t size) {
     for (size_t k = 0; k < size; k += LINE) __builtin_prefetch((const char *)from + k);
 }
 
-/* Ask for the memory of a face, which is to be met soon. */
+/* Prefetch a face before its intersection. */
 void fetch_face(const Curved *curved, int64_t k) {
     fetch(curved->corners + 9 * k, sizeof(double) * 9);
     if (curved->row[k] >= 0) fetch(curved->coefficients + 3 * N_TERMS * curved->row[k], sizeof(double) * 3 * N_TERMS);
 }
 
-/* Ask for the memory that tells by which normal a face refracts: it has come when the root is found. */
+/* Prefetch the refracting normals of a face while the root is computed. */
 static void fetch_normals(const Curved *curved, int64_t triangle) {
     if (!curved->normal_terms) return;
     int64_t row = curved->row[triangle], terms = curved->normal_row[row];
@@ -281,18 +281,18 @@ static bool is_odd(const Hit *hit, bool leaves, double least) {
     return hit->enters == leaves && (leaves || hit->distance > least);
 }
 
-/* Where a ray meets the curved surface, beginning at u, v of a triangle; false where it does not.
+/* Intersection of a ray with the curved surface, starting from u, v of a triangle; false for none.
 
-   leaves : does the ray come from within, so that only a hit from behind can be; NULL: from either side
-   least : a root this near is that of a ray that has just left the surface
-   is_last : all faces near the ray are asked, so that those around need not be searched */
-bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
+   leaves : whether the ray comes from inside, so only back faces can be hit; NULL: either side
+   least : a closer root belongs to a ray that has just left the surface
+   is_last : all faces near the ray are tested anyway, so neighbours need no search */
+bool hit_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
                  const bool *leaves, double least, bool is_last, Hit *hit) {
     int walks = is_last ? 2 : WALKS;
     fetch_normals(curved, triangle);
     Around around = {.curved = curved, .o = o, .d = d, .leaves = leaves && *leaves, .hit = hit};
     if (!find_root(curved, triangle, u, v, o, d, walks, hit)) {
-        /* a ray that grazes may meet the surface all the same */
+        /* a grazing ray may still hit the surface */
         around.n_starts = FEW_STARTS;
         around.least = least;
         around.most = INFINITY;
@@ -302,7 +302,7 @@ bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, con
         double x = hit->u, y = hit->v;
         across(curved, hit->triangle, d, &x, &y);
         if (find_root(curved, hit->triangle, x, y, o, d, walks, &other) && other.enters != *leaves) *hit = other;
-        /* light on its way in meets the front before the back it was found to meet; within, the back is beyond */
+        /* an entering ray hits the front before the back found; inside, the back is beyond */
         around.n_starts = N_STARTS;
         around.least = *leaves ? hit->distance : -INFINITY;
         around.most = *leaves ? INFINITY : hit->distance;

@@ -1,5 +1,5 @@
-/* Curved faces from offsets of their nodes, and normals on which neighbours agree: face by face what
-   core/glass/fitted_faces.py and core/glass/agreement.py do for many at once. */
+/* Curved faces from offsets of their nodes, and agreement of normals between neighbours, face by face. The numpy
+   reference is core/glass/fitted_faces.py and core/glass/agreement.py. */
 
 #include "kiriko.h"
 
@@ -9,7 +9,7 @@
 #define SIDE_BY_SIDE 8 /* faces */
 #define FITTED_AT_ONCE 256 /* faces, as in fitting.py */
 
-/* Offsets of faces' nodes, what of the mesh they are over, and what becomes of them. */
+/* Offsets of faces' nodes, the mesh below them, and the resulting faces. */
 typedef struct {
     const double *offsets;                    /* (12, 3, n) */
     const double *corners, *normals, *facets; /* (n, 3, 3), (n, 3, 3) at the corners, (n, 3) */
@@ -26,7 +26,7 @@ static void away_from(const double *a, const double *b, double *out) {
 
 static double length(const double *a) { return sqrt(dot(a, a)); }
 
-/* Rows of a matrix (rows, 12) times the offsets of some faces. */
+/* Multiply a matrix (rows, 12) by the offsets of some faces. */
 static void combine(const double *matrix, int rows, const double offsets[N_NODES][3][SIDE_BY_SIDE],
                     double found[][3][SIDE_BY_SIDE]) {
     for (int r = 0; r < rows; r++)
@@ -40,7 +40,7 @@ static void combine(const double *matrix, int rows, const double offsets[N_NODES
         }
 }
 
-/* Does a face with normals `own` stay near its facet, and look the same way? */
+/* Whether a face with normals `own` stays near its facet, with a similar direction. */
 static bool is_whole(const MadeFaces *s, int64_t face, const double offsets[N_NODES][3]) {
     const double *corners = s->corners + 9 * face, *own = s->own + 3 * N_AT * face;
     double side[3], longest;
@@ -55,7 +55,7 @@ static bool is_whole(const MadeFaces *s, int64_t face, const double offsets[N_NO
     return true;
 }
 
-/* Does a face stand out, or in, further than the normals at its corners account for? */
+/* Whether a face bulges in or out further than the normals at its corners explain. */
 static bool is_swollen(const MadeFaces *s, int64_t face, const double offsets[N_NODES][3]) {
     const double *corners = s->corners + 9 * face, *normals = s->normals + 9 * face;
     double most_sag = 0, least_sag = 0, longest = 0, middle[3];
@@ -81,7 +81,7 @@ static bool is_swollen(const MadeFaces *s, int64_t face, const double offsets[N_
     return highest > s->swollen * most_sag + more || lowest < s->swollen * least_sag - more;
 }
 
-/* The faces from one on, no more than are worked on side by side. */
+/* Make n faces, SIDE_BY_SIDE at most, starting at `first`. */
 static void make_few(const MadeFaces *s, int64_t first, int n) {
     double offsets[N_NODES][3][SIDE_BY_SIDE] = {0}, terms[N_TERMS][3][SIDE_BY_SIDE];
     double by_u[N_AT][3][SIDE_BY_SIDE], by_v[N_AT][3][SIDE_BY_SIDE];
@@ -121,7 +121,7 @@ static void make_some(void *context, int64_t first, int64_t last) {
         make_few(context, first, last - first < SIDE_BY_SIDE ? (int)(last - first) : SIDE_BY_SIDE);
 }
 
-/* Make n faces: their coefficients and normals, and whether each stays near its facet, and is swollen. */
+/* Make n faces: coefficients and normals, and whether each stays near its facet, and is swollen. */
 KIRIKO_API void kiriko_make_faces(const double *offsets, const double *corners, const double *normals,
                                   const double *facets, const double *matrices, const double *knobs, int64_t n,
                                   double *coefficients, double *own, uint8_t *whole, uint8_t *are_swollen,
@@ -133,19 +133,19 @@ KIRIKO_API void kiriko_make_faces(const double *offsets, const double *corners, 
     share_out(make_some, &faces, n, FITTED_AT_ONCE, n_threads);
 }
 
-/* Faces that are to agree, and the normals on which they do. */
+/* Faces whose normals must agree with their neighbours', and the result. */
 typedef struct {
     const double *own, *at_corners, *area;     /* (p, 15, 3), (p, 3, 3), (p,) */
-    const int32_t *row, *triangle;             /* (t,) of each triangle's face; (p, 3) across each edge, -1 for none */
-    const int8_t *edge;                        /* (p, 3) of that triangle */
+    const int32_t *row, *triangle;             /* (t,) face; (p, 3) triangle across each edge, or -1 */
+    const int8_t *edge;                        /* (p, 3) edge of the neighbour */
     const uint8_t *is_drawn;                   /* (p, 3) */
     const double *nodes, *inward;              /* (9, 3), (3, 15) */
-    double least;                              /* a change that counts inside */
+    double least;                              /* smallest change applied inside */
     double *normals, *jump;                    /* (p, 12, 3), (p, 9) */
-    int64_t from;                              /* the face that is the first */
+    int64_t from;                              /* number of the first face */
 } Agreeing;
 
-/* The normals on an edge of a face, and by how much they are off. */
+/* The normals on an edge of a face, and their deviations. */
 static void agree_on_edge(const Agreeing *s, int64_t face, int e, double *agreed, double *jump) {
     const double *own = s->own + 3 * N_AT * face;
     int32_t triangle = s->triangle[3 * face + e];
@@ -163,7 +163,7 @@ static void agree_on_edge(const Agreeing *s, int64_t face, int e, double *agreed
         const double *mine = own + 3 * node;
         double *found = agreed + 3 * node;
         jump[node] = 0;
-        if (theirs) { /* it runs the other way there */
+        if (theirs) { /* the neighbour runs in the opposite direction */
             const double *there = theirs + 3 * (2 - k);
             double away[3];
             away_from(there, mine, away);
@@ -202,7 +202,7 @@ static void agree_some(void *context, int64_t first, int64_t last) {
     }
 }
 
-/* Let n faces, from one on, agree with their neighbours. */
+/* Make the normals of n faces, starting at `first`, agree with their neighbours. */
 KIRIKO_API void kiriko_agree(const double *own, const double *at_corners, const double *area, const int32_t *row,
                              const int32_t *triangle, const int8_t *edge, const uint8_t *is_drawn, const double *nodes,
                              const double *inward, double least, int64_t from, int64_t n, double *normals, double *jump,

@@ -1,5 +1,5 @@
-/* Fits curved faces: vertex by vertex and face by face what fitted_faces.py and surface_fit.py of core/glass
-   do for many at once. */
+/* Fits curved faces, vertex by vertex and face by face. The numpy reference is core/glass/fitted_faces.py and
+   core/glass/surface_fit.py. */
 
 #include <string.h>
 
@@ -14,10 +14,10 @@
 static const int POWERS[N_TERMS][2] = {{1, 0}, {0, 1}, {2, 0}, {1, 1}, {0, 2}, {3, 0}, {2, 1},
                                        {1, 2}, {0, 3}, {4, 0}, {3, 1}, {2, 2}, {1, 3}, {0, 4}};
 
-/* What a neighbour tells of a vertex's field: its height, z, and its slopes by x and y, which follow from its normal. */
+/* A neighbour's data for a vertex's height field: its height, z, and its slopes by x and y, from its normal. */
 typedef struct {
     double terms[3][N_TERMS], weights[3], z;
-} Told;
+} Neighbour;
 
 static void find_terms(double x, double y, double terms[3][N_TERMS]) {
     const double px[5] = {1, x, x * x, x * x * x, (x * x) * (x * x)};
@@ -30,20 +30,20 @@ static void find_terms(double x, double y, double terms[3][N_TERMS]) {
     }
 }
 
-static void look_at(const Fit *f, int64_t vertex, int64_t end, Told *told) {
+static void read_neighbour(const Fit *f, int64_t vertex, int64_t end, Neighbour *neighbour) {
     double away[3];
     for (int j = 0; j < 3; j++) away[j] = (f->at[3 * end + j] - f->at[3 * vertex + j]) / f->size[vertex];
     double distance = dot(away, away), used = f->is_known[end];
-    find_terms(dot(away, f->axis_x + 3 * vertex), dot(away, f->axis_y + 3 * vertex), told->terms);
-    told->z = dot(away, f->normal + 3 * vertex);
-    told->weights[0] = used * (2 / sqrt(distance > LEAST_DISTANCE ? distance : LEAST_DISTANCE));
-    told->weights[1] = told->weights[2] = used;
+    find_terms(dot(away, f->axis_x + 3 * vertex), dot(away, f->axis_y + 3 * vertex), neighbour->terms);
+    neighbour->z = dot(away, f->normal + 3 * vertex);
+    neighbour->weights[0] = used * (2 / sqrt(distance > LEAST_DISTANCE ? distance : LEAST_DISTANCE));
+    neighbour->weights[1] = neighbour->weights[2] = used;
     if (!f->is_rim[vertex]) return;
-    if (f->is_rim[end]) told->weights[2] = 0;
-    for (int r = 0; r < 3; r++) told->terms[r][N_TERMS - 1] = 0; /* y^4 */
+    if (f->is_rim[end]) neighbour->weights[2] = 0;
+    for (int r = 0; r < 3; r++) neighbour->terms[r][N_TERMS - 1] = 0; /* y^4 */
 }
 
-/* Slopes by x and y, in the frame of a vertex, of a surface with that normal. */
+/* Slopes by x and y, in the frame of a vertex, of a surface with this normal. */
 static void find_slopes(const Fit *f, int64_t vertex, const double *normal, double *slopes) {
     double upright = dot(normal, f->normal + 3 * vertex);
     if (upright < LEAST_UPRIGHT) upright = LEAST_UPRIGHT;
@@ -51,15 +51,15 @@ static void find_slopes(const Fit *f, int64_t vertex, const double *normal, doub
     slopes[1] = -dot(normal, f->axis_y + 3 * vertex) / upright;
 }
 
-/* Add what a neighbour tells to the upper half of the matrix of the terms from `first` on, in rows of `width`. */
-static void add_told(const Told *told, int first, int width, double *matrix, double *scale) {
+/* Add a neighbour's data to the upper half of the normal matrix, for the terms from `first` on, in rows of `width`. */
+static void add_neighbour(const Neighbour *neighbour, int first, int width, double *matrix, double *scale) {
     int k = N_TERMS - first;
     for (int r = 0; r < 3; r++) {
         double row[N_TERMS];
-        for (int i = 0; i < k; i++) row[i] = told->terms[r][first + i] * told->weights[r];
+        for (int i = 0; i < k; i++) row[i] = neighbour->terms[r][first + i] * neighbour->weights[r];
         for (int i = 0; i < k; i++)
             for (int j = i; j < k; j++) matrix[i * width + j] += row[i] * row[j];
-        *scale += told->weights[r] * told->weights[r];
+        *scale += neighbour->weights[r] * neighbour->weights[r];
     }
 }
 
@@ -67,14 +67,14 @@ static void add_ridge(const Fit *f, int first, int width, double scale, double *
     for (int i = 0; i < N_TERMS - first; i++) matrix[i * width + i] += f->ridge[first + i] * scale;
 }
 
-/* Solve k equations, whose matrix is symmetric, by elimination; right sides stand beside it and become the solutions. */
+/* Solve k symmetric equations by elimination; right sides follow the matrix in each row and become the solutions. */
 static void solve(double *a, int k, int width) {
     for (int i = 0; i < k; i++) {
-        double *row = a + i * width, beside[N_TERMS];
-        for (int j = i + 1; j < k; j++) beside[j] = row[j];
+        double *row = a + i * width, pivot_row[N_TERMS];
+        for (int j = i + 1; j < k; j++) pivot_row[j] = row[j];
         for (int j = i + 1; j < width; j++) row[j] /= row[i];
         for (int r = i + 1; r < k; r++)
-            for (int j = r; j < width; j++) a[r * width + j] -= beside[r] * row[j];
+            for (int j = r; j < width; j++) a[r * width + j] -= pivot_row[r] * row[j];
     }
     for (int i = k - 2; i >= 0; i--)
         for (int r = i + 1; r < k; r++)
@@ -86,7 +86,7 @@ typedef struct {
     double *coefficients;
 } Fields;
 
-#define FREE (N_TERMS - 2) /* terms of a field that has the vertex's own slope */
+#define FREE (N_TERMS - 2) /* terms of a field with the vertex's own slope */
 
 static void fit_some_fields(void *context, int64_t first, int64_t last) {
     const Fields *fields = context;
@@ -95,15 +95,15 @@ static void fit_some_fields(void *context, int64_t first, int64_t last) {
         int64_t vertex = f->wanted[n];
         double a[FREE * (FREE + 1)] = {0}, scale = 1;
         for (int64_t p = f->first[vertex]; p < f->first[vertex + 1]; p++) {
-            Told told;
-            look_at(f, vertex, f->end[p], &told);
-            add_told(&told, 2, FREE + 1, a, &scale);
-            double values[3] = {told.z};
+            Neighbour neighbour;
+            read_neighbour(f, vertex, f->end[p], &neighbour);
+            add_neighbour(&neighbour, 2, FREE + 1, a, &scale);
+            double values[3] = {neighbour.z};
             find_slopes(f, vertex, f->normal + 3 * f->end[p], values + 1);
             for (int r = 0; r < 3; r++)
                 for (int i = 0; i < FREE; i++)
                     a[i * (FREE + 1) + FREE] +=
-                        told.terms[r][2 + i] * told.weights[r] * (values[r] * told.weights[r]);
+                        neighbour.terms[r][2 + i] * neighbour.weights[r] * (values[r] * neighbour.weights[r]);
         }
         add_ridge(f, 2, FREE + 1, scale, a);
         solve(a, FREE, FREE + 1);
@@ -111,19 +111,19 @@ static void fit_some_fields(void *context, int64_t first, int64_t last) {
     }
 }
 
-/* Fit fields with the wanted vertices' own places and slopes; coefficients (f, 14), of which the first two stay. */
+/* Fit fields with the wanted vertices' own places and slopes; coefficients (f, 14), the first two unchanged. */
 KIRIKO_API void kiriko_fit_fields(const Fit *fit, double *coefficients, int64_t n_threads) {
     Fields fields = {.fit = fit, .coefficients = coefficients};
     share_out(fit_some_fields, &fields, fit->n_wanted, FITTED_AT_ONCE, n_threads);
 }
 
-/* How the slopes of wanted vertices follow from the heights of their neighbours, (n, 2), and from their slopes,
-   (p, 2, 2): by x and y the vertex's own. */
+/* Linear maps to the slopes of wanted vertices from the heights of their neighbours, (n, 2), and from their slopes,
+   (p, 2, 2). */
 typedef struct {
     const Fit *fit;
     double *from_heights, *from_slopes;
-    const double *normal;    /* (f, 3) before a sweep, and after it */
-    double *found, *changes; /* of each share of the work */
+    const double *normal;    /* (f, 3) before and after a sweep */
+    double *found, *changes; /* of each block of work */
 } Sweeps;
 
 static void make_some_slopes(void *context, int64_t first, int64_t last) {
@@ -132,10 +132,10 @@ static void make_some_slopes(void *context, int64_t first, int64_t last) {
     for (int64_t n = first; n < last; n++) {
         int64_t vertex = f->wanted[n];
         double a[N_TERMS * (N_TERMS + 2)] = {0}, scale = 1;
-        Told told;
+        Neighbour neighbour;
         for (int64_t p = f->first[vertex]; p < f->first[vertex + 1]; p++) {
-            look_at(f, vertex, f->end[p], &told);
-            add_told(&told, 0, N_TERMS + 2, a, &scale);
+            read_neighbour(f, vertex, f->end[p], &neighbour);
+            add_neighbour(&neighbour, 0, N_TERMS + 2, a, &scale);
         }
         add_ridge(f, 0, N_TERMS + 2, scale, a);
         for (int j = 0; j < 2; j++) a[j * (N_TERMS + 2) + N_TERMS + j] = 1;
@@ -144,15 +144,15 @@ static void make_some_slopes(void *context, int64_t first, int64_t last) {
         double *from_heights = s->from_heights + 2 * n;
         from_heights[0] = from_heights[1] = 0;
         for (int64_t p = f->first[vertex]; p < f->first[vertex + 1]; p++) {
-            look_at(f, vertex, f->end[p], &told);
+            read_neighbour(f, vertex, f->end[p], &neighbour);
             double *from_slopes = s->from_slopes + 4 * p;
             for (int j = 0; j < 2; j++) {
                 double from[3] = {0};
                 for (int r = 0; r < 3; r++) {
-                    for (int i = 0; i < N_TERMS; i++) from[r] += told.terms[r][i] * a[i * (N_TERMS + 2) + N_TERMS + j];
-                    from[r] *= told.weights[r] * told.weights[r];
+                    for (int i = 0; i < N_TERMS; i++) from[r] += neighbour.terms[r][i] * a[i * (N_TERMS + 2) + N_TERMS + j];
+                    from[r] *= neighbour.weights[r] * neighbour.weights[r];
                 }
-                from_heights[j] += from[0] * told.z;
+                from_heights[j] += from[0] * neighbour.z;
                 from_slopes[j] = from[1];
                 from_slopes[2 + j] = from[2];
             }
@@ -184,7 +184,7 @@ static void sweep_some(void *context, int64_t first, int64_t last) {
     s->changes[first / FITTED_AT_ONCE] = change;
 }
 
-/* The wanted vertices from the first on, n of them: a step of the work. */
+/* The wanted vertices from the first on, n of them: a block of work. */
 static Fit some_of(const Fit *fit, int64_t first, int64_t n) {
     Fit some = *fit;
     some.wanted += first;
@@ -200,9 +200,8 @@ KIRIKO_API void kiriko_make_slopes(const Fit *fit, double *from_heights, double 
     share_out(make_some_slopes, &s, n, FITTED_AT_ONCE, n_threads);
 }
 
-/* Let the normals (f, 3) of n wanted vertices, from the first on, agree with their neighbours' as `normal` has them. There
-   is room in `changes` for one for each 256 vertices: by as much they change at the most. The result is the same for any
-   number of threads. */
+/* Make the normals (f, 3) of n wanted vertices, from the first on, agree with their neighbours' in `normal`.
+   `changes` receives the largest change of each 256 vertices. The result does not depend on the number of threads. */
 KIRIKO_API void kiriko_sweep_normals(const Fit *fit, const double *normal, double *found, double *from_heights,
                                      double *from_slopes, double *changes, int64_t first, int64_t n,
                                      int64_t n_threads) {
@@ -226,7 +225,7 @@ typedef struct {
     int64_t n;
 } Faces;
 
-/* Add what the field of a face's corner i says of its nodes to their offsets; nodes go in these directions. */
+/* Add the field of a face's corner i to the offsets of its nodes, along these directions. */
 static void add_offsets(const Faces *s, int64_t face, int i, const double directions[N_NODES][3],
                         double offsets[N_NODES][3]) {
     const Fit *f = s->fit;
@@ -244,7 +243,7 @@ static void add_offsets(const Faces *s, int64_t face, int i, const double direct
             leans[k][j] = dot(f->normal + 3 * end, axes[j]);
         }
     }
-    /* all nodes side by side, for each step waits for the one before */
+    /* all nodes side by side, as each step depends on the one before */
     double place[3][N_NODES], lean[3][N_NODES], height[N_NODES] = {0};
     for (int node = 0; node < N_NODES; node++) {
         const double *part = s->nodes + 3 * node;
@@ -283,8 +282,8 @@ static void find_some_offsets(void *context, int64_t first, int64_t last) {
     }
 }
 
-/* The offsets (12, 3, n) of the nodes of faces between vertices `corner` (n, 3); nodes (12, 3) and weights
-   (12, 3) are those of quartics.py and fitted_faces.py. */
+/* The offsets (12, 3, n) of the nodes of faces between vertices `corner` (n, 3). nodes (12, 3) and weights (12, 3)
+   are defined in quartics.py and fitted_faces.py. */
 KIRIKO_API void kiriko_find_offsets(const Fit *fit, const double *coefficients, const double *nodes,
                                     const double *weights, const int64_t *corner, int64_t n, double *offsets,
                                     int64_t n_threads) {

@@ -41,8 +41,7 @@ def halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def finish(total: Floats, weight: Floats, is_covered: Bools) -> NDArray[np.float32]:
     """The image (H, W, 3) of sums (3, H, W) over shares: divided by their weight (H, W) where
-    covered
-    (H, W), else black.
+    covered (H, W), else black.
     """
     image = np.empty((*weight.shape, 3), np.float32)
     given = [np.ascontiguousarray(values) for values in (total, weight, is_covered)]

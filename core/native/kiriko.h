@@ -1,8 +1,9 @@
-/* What Python hands over, and the small things that all files need.
+/* Structures shared with Python, and small functions shared by all files.
 
-   Every structure is mirrored in structures.py, field by field, and its size is compared when the library is loaded. All
-   lengths are in m, directions are unit vectors, and the names are those of core/light/plan.py, core/light/ray_engine.py and
-   core/glass/curved.py, which say what they mean; constants are knobs of core/light/layer_hits.py and others. */
+   Every structure is mirrored in structures.py, field by field, and its size is checked when the library is loaded.
+   Lengths are in m and directions are unit vectors. Names are documented in core/light/plan.py,
+   core/light/ray_engine.py and core/glass/curved.py; constants repeat options of core/light/layer_hits.py and
+   others. */
 
 #ifndef KIRIKO_H
 #define KIRIKO_H
@@ -18,22 +19,22 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 12 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 12 /* raised when a structure's meaning changes, even at the same size */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define N_BITS 52           /* of a ray's mask, as in media.py */
 #define MOST_BUNDLED 32     /* rays */
-#define MOST_UNITS 4096     /* that are told apart in near_misses.py */
-#define N_LEVELS 5          /* of boxes there */
+#define MOST_UNITS 4096     /* in near_misses.py */
+#define N_LEVELS 5          /* of boxes in near_misses.py */
 #define EDGE 1e-10          /* barycentric slack, as in curved.py */
-#define WIDER 1e-6          /* for a ray that met nothing, as in layer_hits.py */
+#define WIDER 1e-6          /* slack for a ray without a hit, as in layer_hits.py */
 #define FLOAT32 0x1p-23     /* spacing of float32 numbers just above 1 */
 
 /* u, v from which a face is searched for a root, as in curved_hits.py */
 #define N_STARTS 4
 static const double STARTS[N_STARTS][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
 
-typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY, SPLITTER = 31 } Kind; /* the last is of tests alone */
+typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY, SPLITTER = 31 } Kind; /* the last is for tests */
 
 typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED_DISPLAY, CUT_OFF } Reason;
 
@@ -43,8 +44,8 @@ typedef enum { NONE, IMAGED, STRAY_1, STRAY_2, THROUGH, REFLECTED } PlatePath;
 
 typedef enum { IMAGED_LIGHT, FOLDED_LIGHT, REFLECTED_LIGHT } Light;
 
-/* Four boxes of a tree: low and high sides along x, y and z. A box has `count` items at positions from `first` on, or,
-   where that is 0, is the node `first`; a `first` below 0 is no box. */
+/* Four boxes of a tree: low and high sides along x, y and z. A box has `count` items at positions from `first` on.
+   If `count` is 0, it is the node `first`, or empty if `first` is negative. */
 typedef struct {
     float sides[6][4];
     int32_t first[4], count[4];
@@ -55,15 +56,15 @@ typedef struct {
     const int32_t *items;   /* at each position */
 } Tree;
 
-/* A tree over n boxes, which are about 1 in size, while it is made. */
+/* The construction of a tree over n boxes of about unit size. */
 typedef struct {
     const double *boxes;    /* (n, 2, 3) */
     int64_t n;
-    Node *nodes;            /* room for n */
+    Node *nodes;            /* capacity n */
     int32_t *items;         /* (n,) */
-    int64_t n_nodes;        /* 0 until it is whole, and if memory is short */
-    _Atomic int64_t is_unwanted; /* set to have it given up */
-} Growth;
+    int64_t n_nodes;        /* 0 until complete, and if memory is short */
+    _Atomic int64_t is_cancelled; /* set to cancel */
+} TreeTask;
 
 typedef struct {
     double *corners;        /* (t, 3, 3) */
@@ -74,38 +75,38 @@ typedef struct {
     int64_t *vertex;        /* (p, 3) */
     double *vertex_normal;  /* (f, 3) */
     int64_t *normal_row;    /* (p,) */
-    double *normal_terms;   /* (q, 14, 3), NULL where each face refracts by its own normals */
+    double *normal_terms;   /* (q, 14, 3), NULL if each face refracts by its own normals */
     double *lower;          /* (14, 14), NULL for degree 4 */
     double *to_bezier;      /* (15, 14) */
 } Curved;
 
-/* The triangles in front of curved faces: ray_engine.py's Asked. */
+/* The triangles around curved faces: EngineTriangles of ray_engine.py. */
 typedef struct {
-    float *corners;         /* (p, 3, 3) by position, in units of the layer's radius, from its centre */
+    float *corners;         /* (p, 3, 3) by position, from the layer's centre, in units of its radius */
     int64_t *owner;         /* (p,) by position */
-    float *places;          /* (p - n_whole, 3, 2) u, v of the corners of parts, by their numbers */
+    float *places;          /* (p - n_whole, 3, 2) u, v of the shell triangles' corners in their face */
     int64_t n_whole;
     Tree tree;
-} Hull;
+} EngineTriangles;
 
 typedef struct {
     int64_t n_triangles;
     double *frames;         /* (t, 4, 3): corner, normal, axis_u, axis_v */
     int64_t *numbers;       /* (t,) in the plan */
-    int64_t only_part;      /* that all its triangles are of, -1 where there are several: fewer tables to wait for */
+    int64_t only_part;      /* part of all its triangles, -1 if several: saves a table access */
     uint64_t *closed_bits;  /* (clusters,) */
-    uint64_t *solid_bits;   /* (clusters,), NULL with sheets */
-    Curved *curved;         /* NULL where all is flat, and so is the hull */
-    Hull *hull;
-    double *rotation;       /* (3, 3), NULL where nothing has moved */
+    uint64_t *solid_bits;   /* (clusters,), NULL with thin surfaces */
+    Curved *curved;         /* NULL if all is flat; so is the next */
+    EngineTriangles *engine_triangles;
+    double *rotation;       /* (3, 3), NULL without a motion */
     double shift[3];
     double low[3], high[3], centre[3], radius, tolerance;
     int64_t has_engine, n_starts;
-    Tree over_faces;        /* of curved ones: without nodes until a ray needs it */
-    double *facets;         /* frames at each position of that tree: faces that are met together lie together */
+    Tree over_faces;        /* of a curved layer: without nodes until a ray needs it */
+    double *facets;         /* frames by position in this tree, for locality */
 } Layer;
 
-/* A mirror array where it stands: rig.py's MirrorArray and plate.py's ArrayFrame. */
+/* A mirror array in place: MirrorArray of mirror_array.py and ArrayFrame of plate.py. */
 typedef struct {
     double centre[3], axes[9];
     double pitch, height, thickness, ior, reflectance, crossing_error, phase[2];
@@ -119,13 +120,13 @@ typedef struct {
     int64_t *kind, *cluster, *sheet;   /* (p,) */
     uint8_t *is_closed, *is_clear;     /* (p,), (p, 2) */
     uint64_t *bit;                     /* (p,) */
-    const void **elements;             /* (p,) what its interaction reads: an Array of a plate of mirrors; else NULL */
+    const void **elements;             /* (p,) data of its interaction: an Array for a plate of mirrors; else NULL */
     double *indices;                   /* (solids, N_BITS + 1) */
-    int64_t n_triangles, n_open, n_aside, n_layers;
+    int64_t n_triangles, n_open, n_deferred, n_layers;
     int64_t *open_part;                /* (n_open,) */
-    double *open_box, *aside_box;      /* (n, 2, 3) */
+    double *open_box, *deferred_box;      /* (n, 2, 3) */
     Layer *layers;
-    int64_t *order;                    /* (n_layers,) in which they are asked */
+    int64_t *order;                    /* (n_layers,) order of searching */
     double merge_distance;
     int64_t max_events, only_through_glass, needs_plate, looks_beside, brightness;
     int64_t has_plane, is_by_glass, display_start;
@@ -134,7 +135,7 @@ typedef struct {
     double display_size[2];
 } Plan;
 
-/* State of rays, as rays.py's Rays has it, and what is written down of their ways. */
+/* State of rays, as Rays in rays.py, and their recorded paths. */
 typedef struct {
     double *positions, *directions;    /* (n, 3) */
     uint64_t *mask;
@@ -149,43 +150,43 @@ typedef struct {
     int64_t width, is_recorded, light;
     int64_t *n_words;
     uint8_t *is_astray, *has_ended, *is_begun;
-    int64_t n_asked, n_copies;         /* rows are those of the rays asked for, then of copies, where rays split */
-    int64_t n_rays, n_steps;           /* n; 0 where no way is written down */
-    double *places;                    /* (n_steps, n, 3): of most ways only the first steps are ever touched */
-    int64_t *met;                      /* (n_steps, n) triangles, by their numbers + 1; 0 for none */
-    int64_t *left_at;                  /* (n,) event at which nothing more was met, -1 where the ray ended otherwise */
-    uint8_t *is_reached;               /* (n_aside,) */
-    uint8_t *is_unready;               /* set where a ray needed a tree of faces that is not there: it went astray */
+    int64_t n_asked, n_copies;         /* rows: first the traced rays, then the copies of rays that split */
+    int64_t n_rays, n_steps;           /* n; 0 if no path is recorded */
+    double *places;                    /* (n_steps, n, 3): most paths only touch the first steps */
+    int64_t *met;                      /* (n_steps, n) triangle numbers + 1; 0 for none */
+    int64_t *left_at;                  /* (n,) event at which the ray left without a hit, -1 if it ended otherwise */
+    uint8_t *is_reached;               /* (n_deferred,) */
+    uint8_t *is_unready;               /* set if a ray needed a tree of faces not yet made */
 } Rays;
 
-/* Where a ray meets a triangle of a layer; distance is INFINITY and triangle -1 for none. */
+/* Hit of a ray on a triangle of a layer; distance is INFINITY and triangle -1 for none. */
 typedef struct {
     double distance, u, v;
-    int64_t triangle, part;            /* the part is known of hits that were found true */
+    int64_t triangle, part;            /* the part is only set for true hits */
     bool enters, is_curved;
     double facing[3], normal[3];       /* of curved faces, not unit */
 } Hit;
 
-/* Edges of which the last place on a branch is looked for by halves, as core/map/borders.py has them, and the viewer
-   that their rays start from, as viewer.py has it. */
+/* Edges to be bisected for the last place on a branch, as in core/map/borders.py, and the viewer, as in viewer.py. */
 typedef struct {
-    const double *start, *way;         /* (n, 2) viewer px: their near ends, and from there to the far ones */
+    const double *start, *way;         /* (n, 2) viewer px: near ends, and vectors to the far ends */
     const uint64_t *branch;            /* (n,) */
-    double *low, *width;               /* (n,) of the way: the last place so far, and the rest up to which it may lie */
-    double *xy, *throughput;           /* (n, 2), (n,) of that place */
+    double *low, *width;               /* (n,) fractions: the last place found, and the uncertainty beyond it */
+    double *xy, *throughput;           /* (n, 2), (n,) at this place */
     int64_t *n_tried;                  /* (n,) rays */
-    double least;                      /* of the way: a rest that is halved no more */
+    double least;                      /* width at which bisection stops */
     double position[3], axes[9], window[4], size[2];
     int64_t is_orthographic;
 } Halving;
 
-/* Cells to be divided among the pixels of a display, where to go on, and room for shares, as rasterise.py has them. */
+/* Cells to be divided among the pixels of a display, the state of the division, and a buffer of shares, as in
+   rasterise.py. */
 typedef struct {
     const double *view, *display;      /* (n_cells, n_corners, 2) viewer px and display px */
     int64_t n_cells, n_corners, width, height;
-    int64_t cell, part, row, column;   /* where to go on: the part of a folded quad, the row and column of its window */
-    int64_t n, room;                   /* shares that are put down, and that there is room for */
-    int32_t *pixel;                    /* (room,), NULL where it takes */
+    int64_t cell, part, row, column;   /* where to continue: part of a folded quad, row and column of its window */
+    int64_t n, room;                   /* number of shares, and capacity */
+    int32_t *pixel;                    /* (room,), NULL if wide_pixel is used */
     int64_t *wide_pixel;
     double *view_xy;                   /* (room, 2) */
     float *covariance;                 /* (3, room) */
@@ -193,44 +194,44 @@ typedef struct {
     int64_t *number;                   /* of the cell, or NULL */
 } Division;
 
-/* Weights that are added to the pixels of an image: by their numbers, narrow or wide, or by places on it. */
+/* Weights added to the pixels of an image: by pixel number, narrow or wide, or by place. */
 typedef struct {
-    const int32_t *pixel;              /* (n,), NULL where it takes */
+    const int32_t *pixel;              /* (n,), NULL if wide_pixel is used */
     const int64_t *wide_pixel;
-    const double *places;              /* (n, 2) px, NULL where there are numbers */
+    const double *places;              /* (n, 2) px, NULL if there are numbers */
     const double *weights;             /* (n,) */
     int64_t n;
     double *image;                     /* (height, width) */
     int64_t width, height;
 } Sum;
 
-/* Shares that are painted from a flat picture, as source_image.py has them, and the way to it, as picture.py has it. */
+/* Shares painted from a flat picture, as in source_image.py, and the mapping to it, as in flat_picture.py. */
 typedef struct {
-    const int32_t *pixel;              /* (n,) of the display, NULL where it takes */
+    const int32_t *pixel;              /* (n,) of the display, NULL if wide_pixel is used */
     const int64_t *wide_pixel;
     const double *view_xy;             /* (n, 2) */
-    const float *covariance;           /* (3, n), its rows `apart` numbers apart */
+    const float *covariance;           /* (3, n), with row stride `apart` */
     int64_t apart;
-    const double *area, *throughput;   /* (n,), throughput or NULL */
+    const double *area, *throughput;   /* (n,), throughput may be NULL */
     int64_t n;
     double matrix[9];                  /* from viewer px to the picture's UV */
-    double low[2], high[2], size[2];   /* of the picture, in UV; its pixels */
-} Strokes;
+    double low[2], high[2], size[2];   /* bounds of the picture in UV; its pixels */
+} FlatTaps;
 
-/* A picture at one of its sizes. */
+/* One size of a picture. */
 typedef struct {
     const float *pixels;               /* (height, width, 4) */
-    int64_t width, height, stride;     /* from row to row, in numbers: below 0 where the lowest comes first */
+    int64_t width, height, stride;     /* between rows, in numbers; negative if the lowest row comes first */
 } Level;
 
-/* Four neighbouring pixels of a level, from the upper left one on, that add to a display pixel: upper left, upper right,
-   lower left and lower right. */
+/* Four neighbouring pixels of a level added to a display pixel, at upper left, upper right, lower left and lower
+   right; row and column are the first's. */
 typedef struct {
     int32_t pixel, level, row, column;
     float weight[4];
 } Tap;
 
-/* Vertices over which the surface is a height field, and those of them that are wanted, as vertices.py has them. */
+/* Vertices with the surface as a height field, and the ones to compute, as in vertices.py. */
 typedef struct {
     const double *at, *normal;         /* (f, 3) */
     const double *axis_x, *axis_y;     /* (f, 3) */
@@ -242,7 +243,7 @@ typedef struct {
     double ridge[N_TERMS];
 } Fit;
 
-/* Triangles in boxes of several levels, of which the last hold one each, as near_misses.py has them. */
+/* Triangles in boxes of several levels, the last with one each, as in near_misses.py. */
 typedef struct {
     const double *boxes[N_LEVELS];     /* (n, 2, 3) of each level */
     const int64_t *children[N_LEVELS]; /* (n + 1,) the first box of the next level in each */
@@ -251,7 +252,7 @@ typedef struct {
     int64_t n_patches, n_units;        /* units are the boxes of the first level */
 } ThinParts;
 
-/* Where rays went, of which n bundles are made. */
+/* Paths of rays, grouped into n bundles. */
 typedef struct {
     const double *places;              /* (r, n_events + 1, 3) */
     const int32_t *met;                /* (r, n_events) patches */
@@ -286,14 +287,14 @@ static inline double cosine_of(const double *d, const double *normal) {
     return length > 0 ? fabs(dot(d, normal)) / length : 0;
 }
 
-/* What is no number is `low`. */
+/* NaN becomes `low`. */
 static inline double clip(double number, double low, double high) {
     double at_least = number > low ? number : low;
     return at_least < high ? at_least : high;
 }
 
-/* Distances at which a ray enters and leaves a box; enter > leave is a miss. A ray within a face of it gives NaN, which
-   the comparisons pass over. */
+/* Distances at which a ray enters and leaves a box; enter > leave is a miss. A ray within a face gives NaN, which
+   the comparisons ignore. */
 static inline void slab(const double *low, const double *high, const double *o, const double *inverse, double *enter,
                         double *leave) {
     for (int i = 0; i < 3; i++) {
@@ -309,7 +310,7 @@ static inline void slab(const double *low, const double *high, const double *o, 
 void fetch_face(const Curved *curved, int64_t k);
 void tangents(const double *d, double axes[2][3]);
 bool is_in_box(const Curved *curved, int64_t k, const double *o, const double axes[2][3]);
-bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
+bool hit_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
                  const bool *leaves, double least, bool is_last, Hit *hit);
 
 /* layers.c */

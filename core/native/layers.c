@@ -1,12 +1,12 @@
-/* The first true hit of a ray in a layer: ray by ray what core/light/ray_engine.py does for many at once. */
+/* The first true hit of a ray in a layer, ray by ray. The numpy reference is core/light/ray_engine.py. */
 
 #include "kiriko.h"
 #include "tree.h"
 
-#define STEEP 0.5 /* cosine, and parts of a triangle's size: so a ray leaves the hull that has left the faces */
+#define STEEP 0.5 /* cosine, and fraction of a triangle's size: limits for a ray only leaving the bounding shell */
 #define NEAR 0.1
-#define HULL_SLACK 1e-9 /* barycentric, so that no ray slips between two triangles of the hull */
-#define MOST_ASKED 200  /* hulls met on the way of one ray: its steps are doubled each time */
+#define SHELL_SLACK 1e-9 /* barycentric, so that no ray slips between two triangles of the shell */
+#define MOST_SHELL_HITS 200  /* shell triangles hit by one ray, whose steps double each time */
 #define SHOTS_EACH_TURN 64
 
 typedef struct {
@@ -14,19 +14,19 @@ typedef struct {
     Sides *sides;
     const double *o, *d;
     const bool *leaves;
-    double axes[2][3]; /* the ray's tangents, where there are curved faces */
-    double start;    /* from where the tree is asked, m */
-    double least;    /* hits that are nearer are those of what was just met */
+    double axes[2][3]; /* of the ray, for curved faces */
+    double start;    /* start of the search in the tree, m */
+    double least;    /* closer hits belong to the surface just left */
     double tolerance, slack;
-    double wrong;    /* distance of the nearest hit that cannot be, unless a shell cuts itself */
+    double wrong;    /* distance of the nearest impossible hit, unless a shell intersects itself */
     bool is_inside;  /* of a closed solid */
-    int64_t deeper;  /* faces of such a shell passed, more entered than left */
-    double passed;   /* distance of the last of them, */
-    int64_t last;    /* and its triangle, -1 where by itself it could not be met */
+    int64_t deeper;  /* faces of such a shell passed: entered minus left */
+    double passed;   /* distance of the last one */
+    int64_t last;    /* its triangle, -1 if it was not a valid hit */
     Hit *hit;
 } Search;
 
-/* Is a hit true, by the sides of its face (decision 1 in docs/design.md)? is_wrong: it is one that cannot be. */
+/* Whether a hit is true, by the sides of its face (decision 1 in docs/design.md). is_wrong: the hit is impossible. */
 static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     Sides *sides = search->sides;
     const Plan *plan = sides->plan;
@@ -37,7 +37,7 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     bool fits = hit->enters != ((sides->mask & bit) && sides->cluster == plan->cluster[part]);
     bool is_last = plan->sheet[part] == sides->last_part;
     bool is_behind = bit && !fits && t > tolerance;
-    if (is_behind) { /* and not in the place that the ray comes from */
+    if (is_behind) { /* and away from the ray's origin */
         const double *normal = hit->is_curved ? hit->facing : search->layer->frames + 12 * hit->triangle + 3;
         is_behind = t * cosine_of(search->d, normal) > tolerance;
     }
@@ -46,12 +46,12 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
         sides->gap = part;
         sides->gap_distance = t;
     }
-    /* what touches may be a little behind; not so other faces of what was just met, however thin it is */
+    /* touching faces may lie slightly behind; other faces of the surface just left may not, however thin it is */
     if (bit) return fits && t > (is_last ? -1e-3 : -1.0) * tolerance;
     return t > tolerance || (!is_last && t > -1e-3 * tolerance);
 }
 
-/* Pass a face of a shell that cuts itself, as core/light/layer_hits.py does; is it another than the last? */
+/* Pass a face of a self-intersecting shell, as in core/light/layer_hits.py; returns whether it is a new one. */
 static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
     if (!(t > search->passed + search->layer->tolerance)) return false;
     search->deeper += is_wrong ? 1 : -1;
@@ -60,7 +60,7 @@ static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
     return true;
 }
 
-/* Two numbers, with which a processor reckons at once, in the time that it takes for one. */
+/* Two numbers in one vector register. */
 typedef double Two __attribute__((vector_size(16)));
 typedef int64_t Truth __attribute__((vector_size(16))); /* of two comparisons */
 
@@ -76,8 +76,8 @@ static bool any(Truth is) { return is[0] | is[1]; }
 
 static Truth are_within(Two u, Two v, double slack) { return (u >= -slack) & (v >= -slack) & (u + v <= 1 + slack); }
 
-/* Where a ray meets the plane of a triangle; false where it runs along it. */
-static bool meet_plane(const Search *search, const double *frame, int64_t k, Hit *hit) {
+/* Intersection of a ray with the plane of a triangle; false if parallel. */
+static bool hit_plane(const Search *search, const double *frame, int64_t k, Hit *hit) {
     const double *corner = frame, *normal = frame + 3;
     const double *o = search->o, *d = search->d;
     double slope = dot(d, normal), away[3], inside[3];
@@ -93,7 +93,7 @@ static bool meet_plane(const Search *search, const double *frame, int64_t k, Hit
     return isfinite(t);
 }
 
-/* Take a hit if it is true and the nearest so far. */
+/* Keep a hit if it is true and the nearest so far. */
 static void consider(Search *search, const Hit *found, double *far) {
     bool is_wrong;
     if (!(found->distance > search->least) || !(found->distance < search->hit->distance)) return;
@@ -106,11 +106,12 @@ static void consider(Search *search, const Hit *found, double *far) {
     }
 }
 
-/* Meet n facets, with a slack around them, two at a time; a hit of `within` at the most is taken if it is true and the
-   nearest so far.
+/* Intersect n facets, with a slack at their edges, two at a time. Keeps a hit up to `within` if it is true and the
+   nearest
+   so far.
 
-   numbers : of their triangles; NULL: they are numbered by their order */
-static void meet_facets(Search *search, const double *frames, const int32_t *numbers, int64_t n, double within,
+   numbers : of their triangles; NULL: in order */
+static void hit_facets(Search *search, const double *frames, const int32_t *numbers, int64_t n, double within,
                         double *far) {
     const double *o = search->o, slack = search->slack;
     Two d[3];
@@ -146,13 +147,13 @@ static void visit_face(Search *search, int32_t position, double *far) {
     const Curved *curved = layer->curved;
     Hit found;
     if (curved->row[k] < 0) {
-        meet_facets(search, layer->facets + 12 * (int64_t)position, &k, 1, INFINITY, far);
+        hit_facets(search, layer->facets + 12 * (int64_t)position, &k, 1, INFINITY, far);
         return;
     }
     if (!is_in_box(curved, k, search->o, search->axes)) return;
     for (int s = 0; s < search->layer->n_starts; s++) {
         const double *at = STARTS[s];
-        if (meet_curved(curved, k, at[0], at[1], search->o, search->d, search->leaves, search->layer->tolerance, true,
+        if (hit_curved(curved, k, at[0], at[1], search->o, search->d, search->leaves, search->layer->tolerance, true,
                         &found))
             consider(search, &found, far);
     }
@@ -162,20 +163,20 @@ static void visit_faces(void *context, int32_t first, int32_t last, double *far)
     Search *search = context;
     const Layer *layer = search->layer;
     if (!layer->curved) {
-        meet_facets(search, layer->facets + 12 * (int64_t)first, layer->over_faces.items + first, last - first,
+        hit_facets(search, layer->facets + 12 * (int64_t)first, layer->over_faces.items + first, last - first,
                     INFINITY, far);
         return;
     }
     for (int32_t i = first; i < last; i++) visit_face(search, i, far);
 }
 
-/* Is the nearest that was found a face to be passed? What lies beyond is to be searched for then. */
+/* Whether the nearest face found must be passed, so the search continues beyond it. */
 static bool has_passed(Search *search) {
     if (!search->is_inside) return false;
     bool is_wrong = search->wrong < search->hit->distance;
     double t = is_wrong ? search->wrong : search->hit->distance;
     if (!is_wrong && !(search->deeper && search->hit->triangle >= 0)) return false;
-    /* rounding may change the order of two faces in one place */
+    /* rounding may swap two coincident faces */
     if (is_wrong && !search->deeper && search->hit->distance <= t + search->layer->tolerance) return false;
     pass(search, t, -1, is_wrong);
     search->least = t + search->layer->tolerance;
@@ -184,7 +185,7 @@ static bool has_passed(Search *search) {
     return true;
 }
 
-/* Ask all faces that the ray may meet, exactly. */
+/* Test all faces the ray may hit, exactly. */
 static void search_faces(Search *search, double slack, double far) {
     const Layer *layer = search->layer;
     double from[3];
@@ -196,49 +197,48 @@ static void search_faces(Search *search, double slack, double far) {
     visit_tree(&layer->over_faces, from, search->d, &far, visit_faces, search);
 }
 
-/* A ray, and what it meets first of a hull: where on the triangle, and the triangle's normal, twice its area long. */
+/* A ray and its first hit on the bounding shell: place on the triangle, and normal with twice its area as length. */
 typedef struct {
-    const Hull *hull;
-    const Layer *layer; /* with faces behind it; NULL where these are not asked */
+    const EngineTriangles *shell;
+    const Layer *layer; /* to prefetch the faces behind; may be NULL */
     const double *o, *d;
-    bool is_outside; /* of the glass, so that it may only come out of the hull */
-    double gone;     /* on its way before o */
+    bool is_outside; /* of the glass, so it may only be leaving the shell */
+    double gone;     /* distance travelled before o */
     double u, v, normal[3];
     int32_t position;
 } Shot;
 
-/* Does a triangle of the hull, in front of a ray, tell that the ray only comes out there, having left the faces just
-   behind it? */
-static bool only_leaves_hull(const Shot *shot, int32_t position, const double *normal, double along, double t) {
+/* Whether a ray at a triangle of the shell is only leaving it, having left the faces behind it. */
+static bool only_leaves_shell(const Shot *shot, int32_t position, const double *normal, double along, double t) {
     if (!(along > 0)) return false;
     double area = sqrt(dot(normal, normal)), far = shot->gone + t;
     bool is_steep = along > STEEP * area, is_near = far * far < NEAR * NEAR * area;
-    return is_steep && is_near && shot->hull->tree.items[position] >= shot->hull->n_whole;
+    return is_steep && is_near && shot->shell->tree.items[position] >= shot->shell->n_whole;
 }
 
-/* Take the triangle at a position as that met first. */
+/* Record the triangle at a position as the first hit. */
 static void take_shot(Shot *shot, int32_t position, double u, double v, const double *normal) {
-    const Hull *hull = shot->hull;
+    const EngineTriangles *shell = shot->shell;
     shot->position = position;
     shot->u = u;
     shot->v = v;
     copy(normal, shot->normal);
     if (!shot->layer) return;
-    /* ask for the memory of the face behind it: it has come when the tree is done */
-    int64_t k = hull->owner[position], part = hull->tree.items[position] - hull->n_whole;
-    if (part >= 0) __builtin_prefetch(hull->places + 6 * part);
+    /* prefetch the face behind it while the tree is searched */
+    int64_t k = shell->owner[position], part = shell->tree.items[position] - shell->n_whole;
+    if (part >= 0) __builtin_prefetch(shell->places + 6 * part);
     __builtin_prefetch(shot->layer->numbers + k);
     fetch_face(shot->layer->curved, k);
 }
 
-static void visit_hull(void *context, int32_t first, int32_t last, double *far) {
+static void visit_shell(void *context, int32_t first, int32_t last, double *far) {
     Shot *shot = context;
     const double *o = shot->o;
     Two d[3];
     for (int j = 0; j < 3; j++) d[j] = (Two){shot->d[j], shot->d[j]};
     for (int32_t i = first; i < last; i += 2) {
         int n_here = i + 1 < last ? 2 : 1;
-        const float *p = shot->hull->corners + 9 * (int64_t)i, *q = p + 9 * (n_here - 1);
+        const float *p = shot->shell->corners + 9 * (int64_t)i, *q = p + 9 * (n_here - 1);
         Two e1[3], e2[3], away[3], normal[3], across[3];
         for (int j = 0; j < 3; j++) {
             Two corner = {p[j], q[j]};
@@ -250,21 +250,21 @@ static void visit_hull(void *context, int32_t first, int32_t last, double *far) 
         Two slope = -dot_two(d, normal), inverse = 1.0 / slope, t = dot_two(away, normal) * inverse;
         cross_two(away, d, across);
         Two u = dot_two(e2, across) * inverse, v = -dot_two(e1, across) * inverse;
-        Truth is_met = (t > 0.0) & (t < *far) & are_within(u, v, HULL_SLACK);
+        Truth is_met = (t > 0.0) & (t < *far) & are_within(u, v, SHELL_SLACK);
         if (!any(is_met)) continue;
         for (int k = 0; k < n_here; k++) {
-            if (!(is_met[k] && t[k] < *far)) continue; /* the first of both may be nearer */
+            if (!(is_met[k] && t[k] < *far)) continue; /* the first may now be nearer */
             double own_normal[3] = {normal[0][k], normal[1][k], normal[2][k]};
-            if (shot->is_outside && only_leaves_hull(shot, i + k, own_normal, -slope[k], t[k])) continue;
+            if (shot->is_outside && only_leaves_shell(shot, i + k, own_normal, -slope[k], t[k])) continue;
             *far = t[k];
             take_shot(shot, i + k, u[k], v[k], own_normal);
         }
     }
 }
 
-/* Many rays, and what they meet. */
+/* A batch of rays, and their hits. */
 typedef struct {
-    const Hull *hull;
+    const EngineTriangles *shell;
     const float *origins, *directions;
     int64_t *triangle;
     double *found;
@@ -279,12 +279,12 @@ static void shoot_some(void *context, int64_t first, int64_t last) {
             d[j] = shots->directions[3 * i + j];
             found[j] = found[3 + j] = 0;
         }
-        Shot shot = {.hull = shots->hull, .o = o, .d = d, .position = -1};
+        Shot shot = {.shell = shots->shell, .o = o, .d = d, .position = -1};
         shots->triangle[i] = -1;
         if (!isfinite(o[0] + o[1] + o[2] + d[0] + d[1] + d[2])) continue;
-        visit_tree(&shots->hull->tree, o, d, &far, visit_hull, &shot);
+        visit_tree(&shots->shell->tree, o, d, &far, visit_shell, &shot);
         if (shot.position < 0) continue;
-        shots->triangle[i] = shots->hull->tree.items[shot.position];
+        shots->triangle[i] = shots->shell->tree.items[shot.position];
         found[0] = far;
         found[1] = shot.u;
         found[2] = shot.v;
@@ -292,53 +292,53 @@ static void shoot_some(void *context, int64_t first, int64_t last) {
     }
 }
 
-/* What n rays meet first of the triangles of a hull: which, and (n, 6) distance, u, v and the triangle's normal. */
-KIRIKO_API void kiriko_shoot(const Hull *hull, const float *origins, const float *directions, int64_t n,
+/* First hits of n rays on engine triangles: numbers, and (n, 6) distance, u, v and the triangle's normal. */
+KIRIKO_API void kiriko_shoot(const EngineTriangles *shell, const float *origins, const float *directions, int64_t n,
                              int64_t *triangle, double *found, int64_t n_threads) {
-    Shots shots = {hull, origins, directions, triangle, found};
+    Shots shots = {shell, origins, directions, triangle, found};
     share_out(shoot_some, &shots, n, SHOTS_EACH_TURN, n_threads > 1 ? n_threads : 1);
 }
 
-/* Follow a ray from one triangle of the hull to the next until there is a true hit. Returns whether it must have met
-   something else. */
-static bool ask_hull(Search *search, double enter) {
+/* Follow a ray from one triangle of the shell to the next until there is a true hit. Returns whether a face was
+   missed. */
+static bool search_shell(Search *search, double enter) {
     const Layer *layer = search->layer;
     const Curved *curved = layer->curved;
-    const Hull *hull = layer->hull;
+    const EngineTriangles *shell = layer->engine_triangles;
     const double *o = search->o, *d = search->d, radius = layer->radius;
     double step = 3 * FLOAT32 * radius, start = enter > 0 ? enter - 2 * layer->tolerance : step;
     const bool from_outside = false;
     bool is_lost = false;
 
-    for (int asked = 0; asked < MOST_ASKED; asked++) {
+    for (int n_hits = 0; n_hits < MOST_SHELL_HITS; n_hits++) {
         double from[3], far = INFINITY;
         for (int j = 0; j < 3; j++) from[j] = (o[j] + start * d[j] - layer->centre[j]) / radius;
-        Shot shot = {.hull = hull, .layer = layer, .o = from, .d = d, .position = -1};
+        Shot shot = {.shell = shell, .layer = layer, .o = from, .d = d, .position = -1};
         shot.is_outside = search->leaves && !*search->leaves;
         shot.gone = start / radius;
-        visit_tree(&hull->tree, from, d, &far, visit_hull, &shot);
+        visit_tree(&shell->tree, from, d, &far, visit_shell, &shot);
         if (shot.position < 0) break;
         double at = start + far * radius;
-        int32_t asked_for = hull->tree.items[shot.position];
-        int64_t k = hull->owner[shot.position];
+        int32_t primitive = shell->tree.items[shot.position];
+        int64_t k = shell->owner[shot.position];
         __builtin_prefetch(search->sides->plan->patch + layer->numbers[k]);
         Hit found;
         bool is_met, is_wrong = false;
         if (curved->row[k] < 0) {
-            is_met = meet_plane(search, layer->frames + 12 * k, k, &found);
+            is_met = hit_plane(search, layer->frames + 12 * k, k, &found);
         } else {
             double u = shot.u, v = shot.v;
-            if (asked_for >= hull->n_whole) {
-                const float *at_corner = hull->places + 6 * (asked_for - hull->n_whole);
+            if (primitive >= shell->n_whole) {
+                const float *at_corner = shell->places + 6 * (primitive - shell->n_whole);
                 double w = 1 - shot.u - shot.v;
                 u = w * at_corner[0] + shot.u * at_corner[2] + shot.v * at_corner[4];
                 v = w * at_corner[1] + shot.u * at_corner[3] + shot.v * at_corner[5];
             }
-            is_met = meet_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
-            /* from within into the glass, before the ray leaves it around there: where a shell cuts itself */
+            is_met = hit_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
+            /* entering again before leaving: a self-intersecting shell */
             Hit into;
             if (search->is_inside && search->leaves && dot(d, shot.normal) < 0 && !(is_met && found.distance <= at) &&
-                meet_curved(curved, k, u, v, o, d, &from_outside, layer->tolerance, false, &into) && into.enters &&
+                hit_curved(curved, k, u, v, o, d, &from_outside, layer->tolerance, false, &into) && into.enters &&
                 into.distance > fmax(search->passed, 0) + layer->tolerance &&
                 !(is_met && found.distance < into.distance)) {
                 found = into;
@@ -347,8 +347,7 @@ static bool ask_hull(Search *search, double enter) {
         }
         if (is_met) {
             bool is_true = accept(search, &found, &is_wrong);
-            /* the same face may be met behind several triangles of the hull, and rounding may change the order of two
-               faces in one place */
+            /* the same face may be hit behind several shell triangles, and rounding may swap two coincident faces */
             bool is_here = fabs(found.distance - search->passed) <= layer->tolerance;
             bool is_same = is_here && found.triangle == search->last;
             bool is_swapped = is_here && search->last < 0 && search->deeper == 1;
@@ -360,7 +359,7 @@ static bool ask_hull(Search *search, double enter) {
             if (search->is_inside && (is_true || is_wrong) &&
                 pass(search, found.distance, found.triangle, is_wrong)) {
                 step = 3 * FLOAT32 * radius;
-                asked = 0;
+                n_hits = 0;
             }
         }
         start = (at > start ? at : start) + step;
@@ -369,11 +368,11 @@ static bool ask_hull(Search *search, double enter) {
     return is_lost || search->is_inside;
 }
 
-/* Ask all of few triangles. */
+/* Test all of a few triangles. */
 static void search_few(Search *search, double within) {
     const Layer *layer = search->layer;
     search->slack = EDGE;
-    meet_facets(search, layer->frames, NULL, layer->n_triangles, within, NULL);
+    hit_facets(search, layer->frames, NULL, layer->n_triangles, within, NULL);
 }
 
 static void turn(const double *rotation, bool is_back, double *vector) {
@@ -400,11 +399,11 @@ static void find(Search *search, double within) {
     slab(low, high, o, inverse, &enter, &leave);
     if (!((enter <= leave && enter <= within && leave >= 0) || is_inside)) return;
     if (!layer->has_engine) {
-        if (is_inside) within = INFINITY; /* or a shell that cuts itself would seem to end before it does */
+        if (is_inside) within = INFINITY; /* or a self-intersecting shell would seem to end too early */
         do search_few(search, within);
         while (has_passed(search));
         if (search->hit->triangle >= 0 || search->passed == -INFINITY) return;
-        search->least = -layer->tolerance; /* the numbers do not come out even: no shell cuts itself there */
+        search->least = -layer->tolerance; /* unbalanced counts: not a self-intersection */
         search_few(search, within);
         return;
     }
@@ -412,9 +411,9 @@ static void find(Search *search, double within) {
     search->start = (enter > 0 ? enter : 0) - 2 * layer->tolerance;
     bool is_lost;
     if (layer->curved) {
-        is_lost = ask_hull(search, enter);
+        is_lost = search_shell(search, enter);
     } else {
-        /* at a vertex or an edge the faces around are met at once: one is enough, but where there is no other way out */
+        /* a vertex or an edge hits several faces at once: one is enough, unless it is the only exit */
         if (!(enter > 0)) search->least = 3 * FLOAT32 * layer->radius;
         do {
             search_faces(search, EDGE, is_inside ? INFINITY : within);
@@ -426,16 +425,16 @@ static void find(Search *search, double within) {
         sides->is_unready = true;
         return;
     }
-    /* what was found, if anything, may lie beyond a face that was missed: all faces are asked, with more slack */
-    Hit kept = *search->hit;
+    /* any hit found may lie beyond a missed face: test all faces, with more slack */
+    Hit previous = *search->hit;
     search->hit->distance = INFINITY;
     search->hit->triangle = -1;
     search->least = -layer->tolerance;
     search_faces(search, WIDER, INFINITY);
-    if (search->hit->triangle < 0) *search->hit = kept;
+    if (search->hit->triangle < 0) *search->hit = previous;
 }
 
-/* The first true hit of a ray in a layer; its triangle is the plan's. */
+/* The first true hit of a ray in a layer; its triangle is numbered as in the plan. */
 void first_hit(const Layer *layer, Sides *sides, const double *o, const double *d, double within, Hit *hit) {
     double from[3], along[3];
     bool leaves = false;
@@ -466,7 +465,7 @@ void first_hit(const Layer *layer, Sides *sides, const double *o, const double *
     hit->triangle = -1;
     hit->is_curved = false;
     for (int j = 0; j < 3; j++)
-        if (!isfinite(from[j]) || !isfinite(along[j])) return; /* is nowhere, or goes nowhere */
+        if (!isfinite(from[j]) || !isfinite(along[j])) return; /* not finite, or without a direction */
     find(&search, within);
     if (hit->triangle < 0) return;
     hit->triangle = layer->numbers[hit->triangle];

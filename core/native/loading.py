@@ -92,8 +92,8 @@ def loaded() -> ctypes.CDLL | None:
         return None
 
     expected = [VERSION, MOST_LAYERS, NODE.itemsize, *map(ctypes.sizeof, STRUCTURES)]
-    is_known = [library.kiriko_layout(i) for i in range(len(expected))] == expected
-    return library if is_known else None
+    is_compatible = [library.kiriko_layout(i) for i in range(len(expected))] == expected
+    return library if is_compatible else None
 
 
 _is_off = False

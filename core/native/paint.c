@@ -1,4 +1,4 @@
-/* Paints shares: one by one what core/image/pyramid.py and core/image/source_image.py do for many at once. */
+/* Paints shares one by one. The numpy reference is core/image/pyramid.py and core/image/source_image.py. */
 
 #include "kiriko.h"
 
@@ -8,33 +8,33 @@
 #define APART 0.25
 #define POINT_SIDE 0.2
 #define MOST_READS 8
-#define WELL_BELOW 0.999 /* of a limit: so far below it nothing need be worked out, whatever rounding does */
+#define WELL_BELOW 0.999 /* of a limit: safely below it despite rounding */
 #define MOST_LEVELS 64
-#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share: at most eight places along each side, on two levels */
-#define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
+#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share: up to eight places along each side, on two levels */
+#define N_STRIPES 16    /* interleaved, of display pixels; a thread reads all shares and paints its stripes */
 #define STRIPE 1024     /* pixels */
 
-/* The four numbers of a pixel, which lie anywhere in memory. */
+/* The four channels of a pixel, unaligned. */
 typedef float Colour __attribute__((vector_size(16), aligned(4), may_alias));
 
 typedef double Pair __attribute__((vector_size(16)));
 typedef int32_t Whole __attribute__((vector_size(8)));
 
-/* How places lie on a level: how many of its pixels there are for one of the picture, the last of them, and the last
-   that has another beside or below it. */
+/* Mapping of places to a level: scale from the picture's pixels, the last pixel, and the last one with a right or
+   lower neighbour. */
 typedef struct {
     double scale[2], most[2];
     int32_t last[2];
 } Grid;
 
-/* How a share is read along a side: at how many places, as parts of the side from its middle. */
+/* Reads of a share along a side: their number, and positions relative to the side's centre. */
 typedef struct {
     int n;
-    const double *step; /* the same for all sides that are read at one place, or at two, four or eight far apart */
+    const double *step; /* shared by all sides read at one place, or at two, four or eight fully separated ones */
     double own[MOST_READS];
 } Side;
 
-/* A picture's sizes; sides that are read at four places far apart, and at eight. */
+/* A picture's levels, and the sides read at four and at eight fully separated places. */
 typedef struct {
     const Level *levels;
     int64_t n_levels;
@@ -42,15 +42,15 @@ typedef struct {
     Side four, eight;
 } Reader;
 
-/* Where a share lies on the picture, two sides of it, each as long as its standard deviation, and what it weighs. */
+/* A share on the picture: its centre, two sides scaled to standard deviations, and weight. */
 typedef struct {
     double at[2], first[2], second[2], weight;
 } Footprint;
 
-/* Which part of a footprint lies between two lines, as if it were a box; its middle moves to that of this part. */
+/* Fraction of a box-shaped footprint between two lines; its centre moves to this part's. */
 static double keep_within(double *x, double low, double high, double variance) {
     double room = *x - low < high - *x ? *x - low : high - *x;
-    if (room * room >= 3 * variance) return room >= 0; /* all of it, or nothing */
+    if (room * room >= 3 * variance) return room >= 0; /* all or nothing */
     double half = variance > 0 ? sqrt(3 * variance) : 0, before = low - (*x - half), after = *x + half - high;
     if (!(before > 0)) before = 0;
     if (!(after > 0)) after = 0;
@@ -59,19 +59,19 @@ static double keep_within(double *x, double low, double high, double variance) {
     return share;
 }
 
-/* Find where a share lies on the picture; does it, and has it any weight? */
-static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
+/* Find the footprint of a share on the picture; false if it lies outside or has no weight. */
+static bool find_footprint(const FlatTaps *s, int64_t i, Footprint *f) {
     const double *m = s->matrix, *size = s->size;
     double x = s->view_xy[2 * i], y = s->view_xy[2 * i + 1];
     double w = m[6] * x + m[7] * y + m[8];
     if (!(w > 0)) return false;
     double inverse = 1 / w;
     double u = (m[0] * x + m[1] * y + m[2]) * inverse, v = (m[3] * x + m[4] * y + m[5]) * inverse;
-    double x_scale = size[0] * inverse, y_scale = -size[1] * inverse; /* v goes up, pixels go down */
+    double x_scale = size[0] * inverse, y_scale = -size[1] * inverse; /* v points up, pixel rows down */
     double by_x[2] = {(m[0] - u * m[6]) * x_scale, (m[3] - v * m[6]) * y_scale};
     double by_y[2] = {(m[1] - u * m[7]) * x_scale, (m[4] - v * m[7]) * y_scale};
 
-    /* the triangular root of the covariance; where rounding is as large as xx it begins with y */
+    /* the triangular root of the covariance; it starts with y if rounding is as large as xx */
     double xx = s->covariance[i], xy = s->covariance[s->apart + i], yy = s->covariance[2 * s->apart + i];
     bool is_upright = xx < UPRIGHT * yy;
     double near = is_upright ? yy : xx, far = is_upright ? xx : yy;
@@ -99,8 +99,8 @@ static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
     return across * along >= 0.5 && f->weight > 0;
 }
 
-/* Read, times weight, one level: centres of pixels at + 0.5, edges extended. Returns the place for the next tap, as all
-   that read do. */
+/* Read one level, times weight: centres of pixels at + 0.5, edges extended. Returns the place for the next tap, as
+   do all readers. */
 static inline Tap *read_level(const Reader *reader, int64_t k, double x, double y, double weight, Tap *tap) {
     const Grid *grid = reader->grids + k;
     x = clip(x * grid->scale[0] - 0.5, 0, grid->most[0]);
@@ -118,7 +118,7 @@ static inline Tap *read_level(const Reader *reader, int64_t k, double x, double 
     return tap + 1;
 }
 
-/* Levels that are mixed so that a read between their pixels spreads by a variance along each axis. */
+/* Two mixed levels, whose interpolated reads have a given variance along each axis. */
 typedef struct {
     int64_t lower;
     double upper_part; /* of the next one */
@@ -126,13 +126,13 @@ typedef struct {
 
 static Mix find_mix(const Reader *reader, double variance) {
     if (variance == 0) return (Mix){0, 0};
-    double relative = 1 + 4 * variance; /* to that of the level */
+    double relative = 1 + 4 * variance; /* to the level's variance */
     int64_t k = 0, last = reader->n_levels - 1;
     for (; k < last && relative >= 4; k++) relative *= 0.25;
     return (Mix){k, k < last ? clip((relative - 1) / 3, 0, 1) : 0};
 }
 
-/* Read, times weight, at a place. */
+/* Read at a place, times weight. */
 static inline Tap *read_place(const Reader *reader, Mix mix, double x, double y, double weight, Tap *tap) {
     double of_upper = weight * mix.upper_part, of_lower = weight - of_upper;
     if (of_lower > 0) tap = read_level(reader, mix.lower, x, y, of_lower, tap);
@@ -162,7 +162,7 @@ static inline void take_side(int n, const double *step, Side *side) {
     side->step = step;
 }
 
-/* By the square of its length, for most sides need no root. */
+/* From the squared length, as most sides need no root. */
 static inline void find_side(double square, const Reader *reader, Side *side) {
     double less = squared(WELL_BELOW) * square;
     if (square < squared(WELL_BELOW * POINT_SIDE)) take_side(1, ONE, side);
@@ -173,8 +173,8 @@ static inline void find_side(double square, const Reader *reader, Side *side) {
     else find_own_side(sqrt(square), side);
 }
 
-/* The variance along each axis that smaller sizes of the picture add to each of the most reads; the sides are made
-   shorter, so that the places have the rest. `square`: of the shorter one's length. */
+/* The variance along each axis left to smaller sizes of the picture, for each of the most reads; it is removed from
+   the sides. `square`: squared length of the shorter side. */
 static double leave_to_levels(double *first, double *second, double square) {
     if (square < squared(WELL_BELOW * SIDE * MOST_READS)) return 0;
     double each = sqrt(square) / MOST_READS, left = (each * each - SIDE * SIDE) / 12;
@@ -212,7 +212,7 @@ static Tap *read_share(const Reader *reader, const Footprint *f, Tap *tap) {
     return tap;
 }
 
-/* Add what some taps read, one after another, to a display pixel. */
+/* Add the values of some taps, in order, to a display pixel. */
 static inline void add_taps(const Level *levels, const Tap *taps, int64_t n, double *total, int64_t n_pixels) {
     double red = total[0], green = total[n_pixels], blue = total[2 * n_pixels];
     for (const Tap *tap = taps; tap < taps + n; tap++) {
@@ -233,29 +233,29 @@ static inline void add_taps(const Level *levels, const Tap *taps, int64_t n, dou
     total[2 * n_pixels] = blue;
 }
 
-/* Shares that are painted, or whose taps are counted or kept for the next picture: a pixel's one after another. */
+/* Shares to be painted, or to have their taps counted or stored by pixel. */
 typedef struct {
-    const Strokes *strokes;
+    const FlatTaps *shares;
     Reader reader;
-    double *total;   /* NULL where nothing is painted */
+    double *total;   /* NULL unless painting */
     int64_t n_pixels;
-    int64_t *n;      /* of taps of each pixel from `low` on; where they are kept the place of its next one */
+    int64_t *n;      /* number of taps of each pixel from `low` on; while storing, the index of its next tap */
     int64_t low;
-    Tap *taps;       /* NULL where they are only counted */
+    Tap *taps;       /* NULL while counting */
 } Canvas;
 
-/* Go through the shares in some stripes of display pixels: each pixel adds its own up in their order. */
+/* Process the shares in some stripes of display pixels, in order for each pixel. */
 static void go_through_stripes(void *context, int64_t first, int64_t last) {
     const Canvas *canvas = context;
-    const Strokes *strokes = canvas->strokes;
+    const FlatTaps *shares = canvas->shares;
     int64_t n_pixels = canvas->n_pixels;
-    for (int64_t i = 0; i < strokes->n; i++) {
-        int64_t pixel = strokes->pixel ? strokes->pixel[i] : strokes->wide_pixel[i];
+    for (int64_t i = 0; i < shares->n; i++) {
+        int64_t pixel = shares->pixel ? shares->pixel[i] : shares->wide_pixel[i];
         if (pixel < 0 || pixel >= n_pixels) continue;
         int64_t stripe = pixel / STRIPE % N_STRIPES;
         Footprint footprint;
-        if (stripe < first || stripe >= last || !find_footprint(strokes, i, &footprint)) continue;
-        Tap taps[MOST_TAPS]; /* of which only those before the end are set */
+        if (stripe < first || stripe >= last || !find_footprint(shares, i, &footprint)) continue;
+        Tap taps[MOST_TAPS]; /* only set before `end` */
         const Tap *end = read_share(&canvas->reader, &footprint, taps);
         if (canvas->total) {
             add_taps(canvas->reader.levels, taps, end - taps, canvas->total + pixel, n_pixels);
@@ -277,7 +277,7 @@ static void go_through(Canvas *canvas, const Level *levels, int64_t n_levels, in
     for (int64_t k = 0; k < reader->n_levels; k++) {
         const int64_t size[2] = {levels[k].width, levels[k].height};
         for (int a = 0; a < 2; a++) {
-            reader->grids[k].scale[a] = (double)size[a] / canvas->strokes->size[a];
+            reader->grids[k].scale[a] = (double)size[a] / canvas->shares->size[a];
             reader->grids[k].most[a] = (double)(size[a] - 1);
             reader->grids[k].last[a] = size[a] > 1 ? (int32_t)(size[a] - 2) : 0;
         }
@@ -289,19 +289,19 @@ static void go_through(Canvas *canvas, const Level *levels, int64_t n_levels, in
     if (reader->n_levels > 0) share_out(go_through_stripes, canvas, N_STRIPES, at_once, n_threads);
 }
 
-/* Add area * throughput * colour of shares to the sums (3, n_pixels) of display pixels, in that many threads; the
-   result is the same for any number. */
-KIRIKO_API void kiriko_paint(const Strokes *strokes, const Level *levels, int64_t n_levels, double *total,
+/* Add area * throughput * colour of shares to the sums (3, n_pixels) of display pixels. The result does not depend
+   on the number of threads. */
+KIRIKO_API void kiriko_paint(const FlatTaps *shares, const Level *levels, int64_t n_levels, double *total,
                              int64_t n_pixels, int64_t n_threads) {
-    Canvas canvas = {.strokes = strokes, .total = total, .n_pixels = n_pixels};
+    Canvas canvas = {.shares = shares, .total = total, .n_pixels = n_pixels};
     go_through(&canvas, levels, n_levels, n_threads);
 }
 
-/* Find the taps of shares, by the levels' sizes alone: first how many each pixel has, with `taps` NULL, then the taps
-   themselves, each pixel's from `n` on, in the order of the shares. `n` begins with the pixel `low`, the first one met. */
-KIRIKO_API void kiriko_find_taps(const Strokes *strokes, const Level *levels, int64_t n_levels, int64_t n_pixels,
+/* Find the taps of shares from the levels' sizes: first their number for each pixel, with `taps` NULL, then the
+   taps, at each pixel's index in `n` and in the order of the shares. `n` starts at the pixel `low`. */
+KIRIKO_API void kiriko_find_taps(const FlatTaps *shares, const Level *levels, int64_t n_levels, int64_t n_pixels,
                                  int64_t *n, int64_t low, Tap *taps, int64_t n_threads) {
-    Canvas canvas = {.strokes = strokes, .n_pixels = n_pixels, .n = n, .low = low, .taps = taps};
+    Canvas canvas = {.shares = shares, .n_pixels = n_pixels, .n = n, .low = low, .taps = taps};
     go_through(&canvas, levels, n_levels, n_threads);
 }
 
@@ -313,14 +313,14 @@ typedef struct {
     int64_t n_pixels;
 } Kept;
 
-/* Paint some stripes: pixels come in their order, so that sums and picture are met row by row. */
+/* Paint some stripes, in pixel order for locality. */
 static void paint_kept(void *context, int64_t first, int64_t last) {
     const Kept *kept = context;
     for (int64_t i = kept->first[first]; i < kept->first[last]; i++)
         add_taps(kept->levels, kept->taps + i, 1, kept->total + kept->taps[i].pixel, kept->n_pixels);
 }
 
-/* The same as kiriko_paint, by taps that were found; `first` has those of each stripe of pixels, and one more. */
+/* As kiriko_paint, from stored taps; `first` has the first tap of each stripe, and the total. */
 KIRIKO_API void kiriko_paint_taps(const Tap *taps, const int64_t *first, int64_t n_stripes, const Level *levels,
                                   double *total, int64_t n_pixels, int64_t n_threads) {
     Kept kept = {.taps = taps, .first = first, .levels = levels, .total = total, .n_pixels = n_pixels};

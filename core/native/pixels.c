@@ -1,5 +1,5 @@
-/* Passes over all pixels of an image: what core/image/pyramid.py, core/image/source_image.py and core/blender/read/scene_picture.py
-   do by numpy, to the same bits. */
+/* Passes over all pixels of an image, bit-identical to numpy's in core/image/pyramid.py, core/image/source_image.py
+   and core/blender/read/scene_picture.py. */
 
 #include <stdatomic.h>
 
@@ -7,7 +7,7 @@
 
 #define MOST_LIGHT 1e30 /* of a display pixel, as in core/image/source_image.py */
 
-/* Half the size of a picture of even sides by means: pairs of rows, then of columns, as in pyramid.py. */
+/* Halve a picture of even sides by means: pairs of rows, then of columns, as in pyramid.py. */
 KIRIKO_API void kiriko_halve(const Level *from, float *to) {
     for (int64_t y = 0; y < from->height / 2; y++) {
         const float *upper = from->pixels + 2 * y * from->stride, *lower = upper + from->stride;
@@ -32,7 +32,7 @@ static void decode_rows(void *context, int64_t first, int64_t last) {
     for (int64_t y = first; y < last; y++) {
         float *pixel = (float *)decoding->level->pixels + y * decoding->level->stride;
         for (int64_t x = 0; x < decoding->level->width; x++, pixel += 4) {
-            float off = 0; /* NaN where a number is not finite */
+            float off = 0; /* NaN for a value that is not finite */
             for (int channel = 0; channel < 4; channel++) off += pixel[channel] - pixel[channel];
             if (off != 0) {
                 atomic_store(&decoding->is_broken, 1);
@@ -48,7 +48,7 @@ static void decode_rows(void *context, int64_t first, int64_t last) {
     }
 }
 
-/* Decode the pixels of a picture in place, as core/blender/read/scene_picture.py; 0 where some are not finite. */
+/* Decode the pixels of a picture in place, as in core/blender/read/scene_picture.py; 0 if some are not finite. */
 KIRIKO_API int64_t kiriko_decode(const Level *picture, const float *table, int64_t has_coverage, int64_t is_straight,
                                  int64_t n_threads) {
     Decoding decoding = {picture, table, has_coverage, is_straight, 0};
@@ -73,7 +73,7 @@ static void finish_pixels(void *context, int64_t first, int64_t last) {
         }
 }
 
-/* The image (n_pixels, 3) of sums (3, n_pixels) over the shares of each pixel, and of their weight. */
+/* The image (n_pixels, 3) from sums (3, n_pixels) over the shares of each pixel, and their weight. */
 KIRIKO_API void kiriko_finish(const double *total, const double *weight, const uint8_t *is_covered, float *image,
                               int64_t n_pixels, int64_t n_threads) {
     Finish finish = {total, weight, is_covered, image, n_pixels};

@@ -1,4 +1,4 @@
-/* The mirror array plate in closed form: ray by ray what core/light/plate.py does for many at once. */
+/* The mirror array plate in closed form, ray by ray. The numpy reference is core/light/plate.py. */
 
 #include "kiriko.h"
 
@@ -7,7 +7,7 @@
 
 typedef enum { CROSSED, HOLES, RADIAL } Layout;
 
-/* What a layer of mirrors does: how far light is moved, in pitches, is it turned round, and what is left of it. */
+/* The effect of a layer of mirrors: displacement in pitches, reversal, and throughput. */
 typedef struct {
     double moved, part;
     bool is_turned;
@@ -15,7 +15,7 @@ typedef struct {
 
 static bool is_odd(double n) { return fmod(n, 2.0) == 1.0; }
 
-/* Light that meets the mirrors where they stand: one fold. */
+/* Reflection by the mirrors at their actual positions: one fold. */
 static Turned as_mirrors(const Array *array, double q, double travel) {
     double slit = floor(q), unfolded = q + travel, into = floor(unfolded), n = fabs(into - slit);
     double inside = unfolded - into;
@@ -24,7 +24,7 @@ static Turned as_mirrors(const Array *array, double q, double travel) {
     return turned;
 }
 
-/* The light of an odd number of reflections, as the mean over all phases. */
+/* Light with an odd number of reflections, averaged over all phases. */
 static Turned as_one_mirror(const Array *array, double travel) {
     double share = 1.0 - fabs(fmod(fabs(travel), 2.0) - 1.0), number = 2.0 * floor(fabs(travel) / 2) + 1.0;
     Turned turned = {0.0, share * pow(array->reflectance, number), true};
@@ -42,12 +42,12 @@ static void leave(const Array *array, const double *place, double *local, double
     }
 }
 
-/* Unit normals of the two directions of mirrors that light meets at a place, and what is added to its component along
-   them so that it is the way from a mirror without phase. */
-static void find_mirrors(const Array *array, const double *place, double normals[2][2], double *beside) {
+/* Unit normals of the two directions of mirrors at a place, and offsets: added to its component along them, they
+   give the distance from a mirror without phase. */
+static void find_mirrors(const Array *array, const double *place, double normals[2][2], double *shift) {
     double angles[2] = {HALF_TURN / 4, 3 * HALF_TURN / 4 + array->crossing_error}, azimuth = 0, ring = 0;
     if (array->layout == RADIAL) {
-        /* rings, as wide as the holes' diagonal; in each of them the holes stand side by side */
+        /* rings as wide as the holes' diagonal, each with holes side by side */
         double width = sqrt(2.0) * array->pitch;
         azimuth = atan2(place[1], place[0]);
         ring = width * rint(hypot(place[0], place[1]) / width);
@@ -55,12 +55,12 @@ static void find_mirrors(const Array *array, const double *place, double normals
     for (int k = 0; k < 2; k++) {
         normals[k][0] = cos(azimuth + angles[k]);
         normals[k][1] = sin(azimuth + angles[k]);
-        beside[k] = sin(angles[k]) * ring * azimuth - array->pitch * fmod(array->phase[k], 1.0);
+        shift[k] = sin(angles[k]) * ring * azimuth - array->pitch * fmod(array->phase[k], 1.0);
     }
 }
 
-/* Light that crosses a plate of mirrors, or is reflected by the face it comes to: where it seems to come from, its new
-   direction and what became of it. Returns its throughput. */
+/* Transmit light through a plate of mirrors, or reflect it at the first face: sets its apparent origin, direction
+   and path. Returns its throughput. */
 double cross_array(const Array *array, Light light, double *position, double *direction, PlatePath *path) {
     double local[3], away[3], place[2];
     for (int k = 0; k < 3; k++) {
@@ -69,39 +69,39 @@ double cross_array(const Array *array, Light light, double *position, double *di
     }
     double cosine = fabs(local[2]) > GRAZING ? fabs(local[2]) : GRAZING, side = local[2] < 0 ? -1.0 : 1.0;
     double n = array->ior, depth = sqrt((n - 1.0) * (n + 1.0) + cosine * cosine) / n;
-    double aside = 0.5 * array->thickness / cosine; /* from the middle plane to a face, for each unit along the plate */
+    double to_face = 0.5 * array->thickness / cosine; /* from the middle plane to a face, per unit along the plate */
     double face = array->has_fresnel ? transmittance(cosine, depth, 1.0 / n) : 1.0;
-    for (int k = 0; k < 2; k++) place[k] = dot(array->axes + 3 * k, away) - aside * local[k];
+    for (int k = 0; k < 2; k++) place[k] = dot(array->axes + 3 * k, away) - to_face * local[k];
 
     if (light == REFLECTED_LIGHT) {
-        for (int k = 0; k < 2; k++) place[k] -= aside * local[k];
+        for (int k = 0; k < 2; k++) place[k] -= to_face * local[k];
         local[2] = -cosine * side;
         leave(array, place, local, position, direction);
         *path = REFLECTED;
         return 1.0 - face;
     }
 
-    double normals[2][2], beside[2], throughput = face * face, way = array->height / (n * depth);
+    double normals[2][2], shift[2], throughput = face * face, drift = array->height / (n * depth);
     bool is_turned[2];
-    find_mirrors(array, place, normals, beside);
+    find_mirrors(array, place, normals, shift);
     for (int turn = 0; turn < 2; turn++) {
-        int which = side > 0 ? turn : 1 - turn; /* light against the normal comes to the second layer first */
+        int which = side > 0 ? turn : 1 - turn; /* light against the normal meets the second layer first */
         const double *normal = normals[which];
         double speed = local[0] * normal[0] + local[1] * normal[1];
-        double q = (place[0] * normal[0] + place[1] * normal[1] + beside[which]) / array->pitch;
-        double travel = speed * way / array->pitch;
+        double q = (place[0] * normal[0] + place[1] * normal[1] + shift[which]) / array->pitch;
+        double travel = speed * drift / array->pitch;
         Turned turned = light == IMAGED_LIGHT ? as_one_mirror(array, travel) : as_mirrors(array, q, travel);
         double step = array->pitch * turned.moved;
         throughput *= turned.part;
         is_turned[which] = turned.is_turned;
-        for (int k = 0; k < 2 && array->layout == CROSSED; k++) place[k] += way * local[k];
-        if (array->layout == CROSSED) step -= way * speed; /* along its mirrors a layer of slits lets light drift */
+        for (int k = 0; k < 2 && array->layout == CROSSED; k++) place[k] += drift * local[k];
+        if (array->layout == CROSSED) step -= drift * speed; /* light drifts along the mirrors of slits */
         for (int k = 0; k < 2; k++) {
             place[k] += step * normal[k];
             if (turned.is_turned) local[k] -= 2.0 * speed * normal[k];
         }
     }
-    for (int k = 0; k < 2; k++) place[k] -= aside * local[k];
+    for (int k = 0; k < 2; k++) place[k] -= to_face * local[k];
     local[2] = side * cosine;
     leave(array, place, local, position, direction);
     *path = is_turned[0] ? (is_turned[1] ? IMAGED : STRAY_1) : (is_turned[1] ? STRAY_2 : THROUGH);

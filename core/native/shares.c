@@ -1,15 +1,15 @@
-/* Divides cells among the display's pixels: cell by cell what core/map/rasterise.py does for many at once. */
+/* Divides cells among the display's pixels, cell by cell. The numpy reference is core/map/rasterise.py. */
 
 #include <float.h>
 
 #include "kiriko.h"
 
-#define THINNEST 1e-5   /* as in cells.py, like all up to FARTHEST */
+#define THINNEST 1e-5   /* as in cells.py, as are all up to FARTHEST */
 #define SMALLEST 1e-14
 #define LEVEL 1e-100
 #define INSIDE 1e-9
 #define FARTHEST 1e15
-#define COLUMNS_AT_ONCE 256 /* of a row: what is left of them counts as on their border, so that rows can be any length */
+#define COLUMNS_AT_ONCE 256 /* of a row: edges further left count as on their border, for rows of any length */
 
 /* A triangle or quad on the display and its image on the viewer's image. */
 typedef struct {
@@ -17,26 +17,26 @@ typedef struct {
     double x[4], y[4], u[4], v[4];
 } Cell;
 
-/* A cell that crosses grid lines, from the corner (x0, y0) of its window of pixels. */
+/* A cell that crosses grid lines, relative to the corner (x0, y0) of its window of pixels. */
 typedef struct {
     int k;
     double x[4], y[4], slope[4];
     double total, view_area, display_area;
     int64_t x0, y0, columns, rows;
-    double inverse[8], forward[8]; /* from the display to s, t in the cell, from there to u, v */
+    double inverse[8], forward[8]; /* from the display to s, t in the cell, and on to u, v */
 } Crossing;
 
-/* What of an edge lies in a row. */
+/* The part of an edge in a row. */
 typedef struct {
     double xa, ya, xb, yb;
 } Edge;
 
-/* Sums over the edges in a pixel: how far they go down, with moments of y, and the area on their left, with moments. */
+/* Sums over the edges in a pixel: vertical extent with moments of y, and area on their left with moments. */
 typedef struct {
     double cover, cover_y, cover_yy, area, x, y, xx, xy, yy;
 } Sums;
 
-/* The next whole number below, of a number that is none too large for one. */
+/* Floor of a number within the range of int64. */
 static inline double whole_below(double number) {
     double whole = (double)(int64_t)number;
     return whole > number ? whole - 1 : whole;
@@ -82,7 +82,7 @@ static void find_centroid(const double *x, const double *y, int k, double *place
     place[1] = y[0] + (dy[0] + dy[1] + second * (dy[2] - dy[0])) / 3;
 }
 
-/* Covariance of points in a triangle or quad, which is taken for a parallelogram. */
+/* Covariance of points in a triangle, or in a quad treated as a parallelogram. */
 static void find_covariance(const double *x, const double *y, int k, double *covariance) {
     if (k == 3) {
         double ax = x[1] - x[0], ay = y[1] - y[0], bx = x[2] - x[0], by = y[2] - y[0];
@@ -130,14 +130,14 @@ static void find_corner_areas(const Cell *quad, double *areas) {
     }
 }
 
-/* Does the bilinear map of a quad turn the same way all over? */
+/* Whether the bilinear map of a quad has one orientation everywhere. */
 static bool is_unfolded(const Cell *quad, const double *areas) {
     double width = greatest(quad->x, 4) - least(quad->x, 4), height = greatest(quad->y, 4) - least(quad->y, 4);
     double turn = least(areas, 4), other = -greatest(areas, 4);
     return (turn > other ? turn : other) > 0.5 * THINNEST * (width > height ? width : height);
 }
 
-/* One of two triangles of a quad, by the diagonal that makes the smaller ones. */
+/* One of two triangles of a quad, by the diagonal with the smaller ones. */
 static void unfold(const Cell *quad, const double *areas, int which, Cell *triangle) {
     int turn = fabs(areas[0]) + fabs(areas[2]) < fabs(areas[1]) + fabs(areas[3]);
     triangle->k = 3;
@@ -150,7 +150,7 @@ static void unfold(const Cell *quad, const double *areas, int which, Cell *trian
     }
 }
 
-/* Give a triangle that is squeezed to a line or a point a width that rounding cannot touch. */
+/* Widen a triangle degenerated to a line or point beyond rounding errors. */
 static void thicken(double *x, double *y) {
     double longest = -1;
     int start = 0;
@@ -185,7 +185,7 @@ static void find_bilinear(const double *x, double *terms) {
     terms[3] = x[0] - x[1] + x[2] - x[3];
 }
 
-/* The same of s, t in 0..1 and a triangle. */
+/* The same for s, t in 0..1 and a triangle. */
 static void find_linear(const double *x, double *terms) {
     terms[0] = x[0];
     terms[1] = x[1] - x[0];
@@ -239,7 +239,7 @@ static void find_crossing(const Division *d, const Cell *cell, Crossing *c) {
     find_maps(c, cell);
 }
 
-/* Cut an outline at the borders of a row; the number of edges in it, and the first and the last column they enter. */
+/* Clip an outline to a row; returns the number of edges in it, and the first and last column they enter. */
 static int find_edges(const Crossing *c, int64_t row, Edge *edges, double *first, double *last) {
     double off[4], inside[4], low = INFINITY, high = -INFINITY, last_column = (double)(c->columns - 1);
     int n = 0;
@@ -252,7 +252,7 @@ static int find_edges(const Crossing *c, int64_t row, Edge *edges, double *first
         int j = (i + 1) % c->k;
         if (inside[i] == inside[j]) continue;
         Edge *edge = edges + n++;
-        /* rounded to steps of 2^-51 at the least, so that distances to a grid line are exact, also just left of 0 */
+        /* rounded to multiples of 2^-51 or coarser, so distances to a grid line are exact, even just left of 0 */
         edge->xa = (c->x[i] + off[i] * c->slope[i] + 4) - 4;
         edge->xb = (c->x[j] + off[j] * c->slope[i] + 4) - 4;
         edge->ya = inside[i];
@@ -266,7 +266,7 @@ static int find_edges(const Crossing *c, int64_t row, Edge *edges, double *first
     return n;
 }
 
-/* Add a piece of an edge to its pixel, by Green's theorem: from the upper left corner of which its ends count. */
+/* Add a piece of an edge to its pixel, by Green's theorem; its ends are relative to the pixel's upper left corner. */
 static inline void add_piece(Sums *sums, double xa, double ya, double xb, double yb) {
     double dy = yb - ya, xs = xa + xb, ys = ya + yb;
     double xx = xa * xa + xb * xb, xy = xa * ya + xb * yb, yy = ya * ya + yb * yb;
@@ -281,11 +281,11 @@ static inline void add_piece(Sums *sums, double xa, double ya, double xb, double
     sums->yy += dy * (xs * yy + 2 * ys * xy) * (1.0 / 12);
 }
 
-/* Add an edge to n pixels from a column on: left of them it counts as on their border, on their right it adds nothing. */
+/* Add an edge to n pixels from a column on: further left it counts as on their border, further right as nothing. */
 static void add_edge(const Edge *edge, double column, int64_t n, Sums *sums) {
     double xa = edge->xa - column, xb = edge->xb - column, ya = edge->ya, yb = edge->yb;
     double low = xa < xb ? xa : xb, high = xa < xb ? xb : xa, first = (double)(int64_t)low;
-    if (low >= 0 && high <= first + 1 && low < (double)n) { /* in one pixel */
+    if (low >= 0 && high <= first + 1 && low < (double)n) { /* within one pixel */
         add_piece(sums + (int64_t)low, xa - first, ya, xb - first, yb);
         return;
     }
@@ -301,7 +301,7 @@ static void add_edge(const Edge *edge, double column, int64_t n, Sums *sums) {
     }
 }
 
-/* Where on the viewer's image a point of the display lies, within its cell. */
+/* The place on the viewer's image of a point of the display within its cell. */
 static void find_place(const Crossing *c, double x, double y, double *place) {
     const double *to = c->inverse, *f = c->forward;
     double s = to[0] * x + to[1] * y + to[2], t = to[3] * x + to[4] * y + to[5], cx = to[6], cy = to[7];
@@ -320,7 +320,7 @@ static void find_place(const Crossing *c, double x, double y, double *place) {
     place[1] = f[4] + s * f[5] + t * f[6] + k * f[7];
 }
 
-/* Covariance of points that are mapped by a matrix, row by row. */
+/* Covariance of points mapped by a matrix, row by row. */
 static inline void turn(const double *m, const double *from, double *to) {
     double xx = from[0], xy = from[1], yy = from[2];
     to[0] = m[0] * m[0] * xx + 2 * m[0] * m[1] * xy + m[1] * m[1] * yy;
@@ -328,7 +328,7 @@ static inline void turn(const double *m, const double *from, double *to) {
     to[2] = m[2] * m[2] * xx + 2 * m[2] * m[3] * xy + m[3] * m[3] * yy;
 }
 
-/* The covariance on the viewer's image of that on the display, limited in between to what points of the cell can have. */
+/* Map a covariance from the display to the viewer's image, limited in between to possible values for the cell. */
 static void find_spread(const Crossing *c, double xx, double xy, double yy, double *covariance) {
     const double to_cell[4] = {c->inverse[0], c->inverse[1], c->inverse[3], c->inverse[4]};
     const double to_view[4] = {c->forward[1], c->forward[2], c->forward[5], c->forward[6]};
@@ -342,7 +342,8 @@ static void find_spread(const Crossing *c, double xx, double xy, double yy, doub
     turn(to_view, in_cell, covariance);
 }
 
-/* Put down the shares of n pixels of a row from a column on, whose sums begin at the left of the cell or its window. */
+/* Store the shares of n pixels of a row from a column on; their sums are relative to the left of the cell or its
+   window. */
 static void put_shares(Division *d, const Crossing *c, int64_t row, int64_t column, int64_t n, const Sums *sums) {
     int64_t pixel = (c->y0 + row) * d->width + c->x0 + column;
     double cover = 0, cover_y = 0, cover_yy = 0;
@@ -365,7 +366,7 @@ static void put_shares(Division *d, const Crossing *c, int64_t row, int64_t colu
     }
 }
 
-/* Divide a cell that crosses grid lines, from d->row and d->column on; is there room for all of it? */
+/* Divide a cell that crosses grid lines, from d->row and d->column on; false if the buffer is full. */
 static bool spread(Division *d, const Cell *cell) {
     Crossing c;
     find_crossing(d, cell, &c);
@@ -390,7 +391,7 @@ static bool spread(Division *d, const Cell *cell) {
     return true;
 }
 
-/* Divide a cell, going on where room was missing; is there room for all of it? */
+/* Divide a cell, continuing after a full buffer; false if the buffer is full again. */
 static bool divide(Division *d, const Cell *cell) {
     if (!is_seen(d, cell)) return true;
     double column = whole_below(least(cell->x, cell->k)), row = whole_below(least(cell->y, cell->k));
@@ -417,7 +418,7 @@ static bool divide(Division *d, const Cell *cell) {
     return true;
 }
 
-/* Divide cells from d->cell on, until all are done or there is no room for more shares, to go on from there. */
+/* Divide cells from d->cell on, until all are done or the buffer is full. */
 static void divide_lot(Division *d) {
     int k = d->n_corners == 3 ? 3 : 4;
     for (; d->cell < d->n_cells; d->cell++) {
@@ -437,20 +438,20 @@ static void divide_lots(void *lots, int64_t first, int64_t last) {
     for (int64_t i = first; i < last; i++) divide_lot((Division *)lots + i);
 }
 
-/* Begin to divide lots of cells, each as far as it has room, in all of that many threads but this one. NULL where memory
-   is short; else kiriko_end has to be called, before which nobody else may touch the lots. */
+/* Start dividing lots of cells, each up to the capacity of its buffer, in n_threads - 1 other threads. NULL if
+   memory is short; else call kiriko_end before any other access to the lots. */
 KIRIKO_API Begun *kiriko_begin_division(Division *lots, int64_t n_lots, int64_t n_threads) {
     return begin_work(divide_lots, lots, n_lots, n_threads);
 }
 
-/* Divide lots of cells, each as far as it has room, in this thread. */
+/* Divide lots of cells, each up to the capacity of its buffer, in this thread. */
 KIRIKO_API void kiriko_divide(Division *lots, int64_t n_lots) { divide_lots(lots, 0, n_lots); }
 
-/* Places count for the pixel that holds them, or is nearest to them. */
+/* Places count for the pixel around them, or the nearest one. */
 static void add_sum(const Sum *sum) {
     double *image = sum->image;
     int64_t width = sum->width, height = sum->height, n_pixels = width * height;
-    if (n_pixels <= 0) return; /* no pixel is nearest to a place */
+    if (n_pixels <= 0) return; /* NaN has no nearest pixel */
     for (int64_t i = 0; i < sum->n && !sum->places; i++) {
         int64_t pixel = sum->pixel ? sum->pixel[i] : sum->wide_pixel[i];
         if (pixel >= 0 && pixel < n_pixels) image[pixel] += sum->weights[i];
@@ -466,12 +467,12 @@ static void add_sums(void *sums, int64_t first, int64_t last) {
     for (int64_t i = first; i < last; i++) add_sum((const Sum *)sums + i);
 }
 
-/* Add weights to several images, each of them in one of that many threads. */
+/* Add weights to several images, each in one of the threads. */
 KIRIKO_API void kiriko_add(Sum *sums, int64_t n_sums, int64_t n_threads) {
     share_out(add_sums, sums, n_sums, 1, n_threads > 1 ? n_threads : 1);
 }
 
-/* How far a polygon of k corners reaches to both sides of a line; a corner nearer than `on_line` is on it. */
+/* Extent of a polygon of k corners on both sides of a line; a corner closer than `on_line` is on it. */
 static void find_reach(const double *corners, int64_t k, const double *line, double on_line, double *least,
                        double *most) {
     *least = INFINITY;
@@ -484,7 +485,7 @@ static void find_reach(const double *corners, int64_t k, const double *line, dou
     }
 }
 
-/* Find polygons (n, k, 2) on both sides of an outline of lines (l, 3), as core/image/outline.py does; how many. */
+/* Find polygons (n, k, 2) that cross an outline of lines (l, 3), as in core/image/outline.py; returns their number. */
 KIRIKO_API int64_t kiriko_find_across(const double *polygons, int64_t n, int64_t k, const double *lines,
                                       int64_t n_lines, double on_line, int64_t *found) {
     int64_t n_found = 0;

@@ -22,14 +22,14 @@ CurvedStructure = _structure(
     corners=_P, row=_P, coefficients=_P, neighbour=_P, neighbour_edge=_P, vertex=_P,
     vertex_normal=_P, normal_row=_P, normal_terms=_P, lower=_P, to_bezier=_P,
 )  # fmt: skip
-HullStructure = _structure(
+EngineTrianglesStructure = _structure(
     "HullStructure", corners=_P, owner=_P, places=_P, n_whole=_I, tree=TreeStructure
 )
 LayerStructure = _structure(
     "LayerStructure",
     n_triangles=_I, frames=_P, numbers=_P, only_part=_I, closed_bits=_P, solid_bits=_P, curved=_P,
-    hull=_P, rotation=_P, shift=_D * 3, low=_D * 3, high=_D * 3, centre=_D * 3, radius=_D,
-    tolerance=_D, has_engine=_I, n_starts=_I, over_faces=TreeStructure, facets=_P,
+    engine_triangles=_P, rotation=_P, shift=_D * 3, low=_D * 3, high=_D * 3, centre=_D * 3,
+    radius=_D, tolerance=_D, has_engine=_I, n_starts=_I, over_faces=TreeStructure, facets=_P,
 )  # fmt: skip
 ArrayStructure = _structure(
     "ArrayStructure",
@@ -40,8 +40,8 @@ PlanStructure = _structure(
     "PlanStructure",
     normals=_P, corner_normals=_P, is_bent=_P, patch=_P, part=_P, kind=_P, cluster=_P, sheet=_P,
     is_closed=_P, is_clear=_P, bit=_P, elements=_P, indices=_P,
-    n_triangles=_I, n_open=_I, n_aside=_I, n_layers=_I, open_part=_P, open_box=_P, aside_box=_P,
-    layers=_P, order=_P, merge_distance=_D, max_events=_I, only_through_glass=_I,
+    n_triangles=_I, n_open=_I, n_deferred=_I, n_layers=_I, open_part=_P, open_box=_P,
+    deferred_box=_P, layers=_P, order=_P, merge_distance=_D, max_events=_I, only_through_glass=_I,
     needs_plate=_I, looks_beside=_I, brightness=_I, has_plane=_I, is_by_glass=_I, display_start=_I,
     plane_corner=_D * 3, plane_normal=_D * 3, plane_pixels=_D * 6, plane_origin=_D * 2,
     display_uv=_P, display_size=_D * 2,
@@ -60,7 +60,7 @@ DivisionStructure = _structure(
     row=_I, column=_I, n=_I, room=_I, pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P,
     area=_P, display_area=_P, number=_P,
 )  # fmt: skip
-StrokesStructure = _structure(
+FlatTapsStructure = _structure(
     "StrokesStructure",
     pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, apart=_I, area=_P, throughput=_P, n=_I,
     matrix=_D * 9, low=_D * 2, high=_D * 2, size=_D * 2,
@@ -90,18 +90,18 @@ SumStructure = _structure(
     "SumStructure",
     pixel=_P, wide_pixel=_P, places=_P, weights=_P, n=_I, image=_P, width=_I, height=_I,
 )  # fmt: skip
-GrowthStructure = _structure(
-    "GrowthStructure", boxes=_P, n=_I, nodes=_P, items=_P, n_nodes=_I, is_unwanted=_I
+TreeTaskStructure = _structure(
+    "GrowthStructure", boxes=_P, n=_I, nodes=_P, items=_P, n_nodes=_I, is_cancelled=_I
 )
 TAP = np.dtype([("place", np.int32, 4), ("weight", np.float32, 4)])
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
 STRUCTURES = (
-    *(TreeStructure, CurvedStructure, HullStructure, LayerStructure),
+    *(TreeStructure, CurvedStructure, EngineTrianglesStructure, LayerStructure),
     *(ArrayStructure, PlanStructure, RayStateStructure),
-    *(DivisionStructure, StrokesStructure, LevelStructure, FitStructure),
+    *(DivisionStructure, FlatTapsStructure, LevelStructure, FitStructure),
     *(ThinPartsStructure, PathsStructure, HalvingStructure, SumStructure),
-    GrowthStructure,
+    TreeTaskStructure,
 )
 
 
@@ -110,11 +110,11 @@ class Made:
 
     def __init__(self, kind: type[ctypes.Structure]) -> None:
         self.structure = kind()
-        self.kept: list[object] = []
+        self.references: list[object] = []
         self.layers: list[Made] = []  # of a plan
 
     def keep(self, *others: object) -> None:
-        self.kept += others
+        self.references += others
 
     def hold(self, array: np.ndarray, dtype: DTypeLike) -> np.ndarray:
         """Keep an array alive: the same one if of this type and contiguous, else a copy."""

@@ -1,16 +1,16 @@
-/* What bundles of rays passed by: bundle by bundle what core/light/near_misses.py does for many at once. */
+/* Near misses of bundles of rays, bundle by bundle. The numpy reference is core/light/near_misses.py. */
 
 #include "kiriko.h"
 
 #define WIDEST 0.0625 /* as in near_misses.py */
 #define BUNDLES_EACH_TURN 16
 
-/* The rays of a bundle between two of their events, and the cone around them: along each axis the upper and the lower
-   line, where it begins and its way to the end. */
+/* The rays of a bundle between two of their events, and the cone around them: start and extent of its upper and
+   lower line along each axis. */
 typedef struct {
     const double *start[MOST_BUNDLED], *end[MOST_BUNDLED];
     int64_t n;
-    double from[2][3], way[2][3];
+    double from[2][3], extent[2][3];
 } Bundle;
 
 static void find_cone(Bundle *b) {
@@ -29,21 +29,21 @@ static void find_cone(Bundle *b) {
     }
     double before = sqrt(radius[0]), more = sqrt(radius[1]) - before;
     for (int a = 0; a < 3; a++) {
-        double start = b->start[middle][a], way = b->end[middle][a] - start;
+        double start = b->start[middle][a], extent = b->end[middle][a] - start;
         b->from[0][a] = start + before;
         b->from[1][a] = start - before;
-        b->way[0][a] = way + more + 0.0; /* no way is -0.0 */
-        b->way[1][a] = way - more + 0.0;
+        b->extent[0][a] = extent + more + 0.0; /* never -0.0 */
+        b->extent[1][a] = extent - more + 0.0;
     }
 }
 
-/* Does the cone meet a box? Along each axis: from when to when is it above the lower side, and below the upper one? */
-static bool meets_box(const Bundle *b, const double *box) {
+/* Whether the cone meets a box: on all axes at once, it must be above the lower side and below the upper one. */
+static bool hits_box(const Bundle *b, const double *box) {
     double enter = 0, leave = 1;
     for (int i = 0; i < 2; i++) {
         for (int a = 0; a < 3; a++) {
-            double way = b->way[i][a], at = (box[3 * i + a] - b->from[i][a]) / way;
-            if ((way >= 0) == (i == 0)) {
+            double extent = b->extent[i][a], at = (box[3 * i + a] - b->from[i][a]) / extent;
+            if ((extent >= 0) == (i == 0)) {
                 if (at > enter) enter = at;
             } else if (at < leave) leave = at;
         }
@@ -53,8 +53,8 @@ static bool meets_box(const Bundle *b, const double *box) {
 
 static double sign(double number) { return number > 0 ? 1 : number < 0 ? -1 : 0; }
 
-/* Does the hull of the rays touch a triangle? Not when all stay on one side of its plane, or pass it beyond the same of
-   its edges. */
+/* Whether the convex hull of the rays touches a triangle. It does not if all rays stay on one side of the plane, or
+   pass beyond the same edge. */
 static bool touches(const Bundle *b, const double *frame) {
     double height[2][MOST_BUNDLED], u[2][MOST_BUNDLED], v[2][MOST_BUNDLED], least = INFINITY, most = -INFINITY;
     for (int64_t r = 0; r < b->n; r++) {
@@ -71,8 +71,8 @@ static bool touches(const Bundle *b, const double *frame) {
     }
     if (!(least <= 0 && most >= 0)) return false;
 
-    /* The hull meets the plane where rays cross it, and between those and the others on the way from the first crossing
-       on, or up to the last where the others begin behind the plane. */
+    /* The hull meets the plane at the crossings of rays, and between these and the other rays: from the first
+       crossing on, or up to the last if the others start behind the plane. */
     double t[MOST_BUNDLED], first = 1, last = 0, ahead = 0;
     bool crosses[MOST_BUNDLED];
     for (int64_t r = 0; r < b->n; r++) {
@@ -97,14 +97,14 @@ static bool touches(const Bundle *b, const double *frame) {
         }
     }
     for (int e = 0; e < 3; e++)
-        /* a triangle without area has no coordinates: nothing tells that rays pass beside it */
+        /* a triangle without area has no coordinates, so a miss cannot be proven */
         if (greatest[0][e] < 0 && greatest[1][e] < 0 && isfinite(greatest[0][e] + greatest[1][e])) return false;
     return true;
 }
 
-/* Does a bundle come near a triangle in a box of a level? The boxes of the last level hold one each. */
+/* Whether a bundle comes near a triangle in a box of a level. The boxes of the last level hold one each. */
 static bool comes_near(const ThinParts *parts, const Bundle *b, int level, int64_t box) {
-    if (!meets_box(b, parts->boxes[level] + 6 * box)) return false;
+    if (!hits_box(b, parts->boxes[level] + 6 * box)) return false;
     if (level == N_LEVELS - 1) return touches(b, parts->frames + 12 * box);
     const int64_t *children = parts->children[level];
     for (int64_t k = children[box]; k < children[box + 1]; k++)
@@ -112,7 +112,7 @@ static bool comes_near(const ThinParts *parts, const Bundle *b, int level, int64
     return false;
 }
 
-/* Do rays come near a patch that none of them met? They are followed up to where they part or diverge. */
+/* Whether rays come near a patch that none of them hit. They are followed until they part or diverge. */
 static bool pass_by(const ThinParts *parts, const Paths *paths, const int64_t *rays) {
     uint64_t is_met[MOST_UNITS / 64] = {0};
     int64_t n = paths->n_rays, m = paths->n_events;
@@ -140,9 +140,9 @@ static bool pass_by(const ThinParts *parts, const Paths *paths, const int64_t *r
             leaves |= met[r][e] < 0;
             parts_here |= met[r][e] != met[0][e];
         }
-        /* a ray that leaves the rig is followed far beyond it: there its bundle may be as wide as the rig */
+        /* rays leaving the rig are followed far beyond it: allow the bundle to be as wide as the rig */
         bool is_wide = !is_lost && off > (leaves ? paths->widest / WIDEST : paths->widest);
-        if (is_wide) return e == 0 && !parts_here; /* where it is so before anything is met: near to everything */
+        if (is_wide) return e == 0 && !parts_here; /* wide before the first event: near to everything */
         if (is_lost) return false;
         find_cone(&bundle);
         for (int64_t unit = 0; unit < parts->n_units; unit++) {
@@ -157,18 +157,18 @@ static bool pass_by(const ThinParts *parts, const Paths *paths, const int64_t *r
 typedef struct {
     const ThinParts *parts;
     const Paths *paths;
-} Asked;
+} Query;
 
-static void ask_some(void *context, int64_t first, int64_t last) {
-    const Asked *asked = context;
-    const Paths *paths = asked->paths;
+static void query_some(void *context, int64_t first, int64_t last) {
+    const Query *query = context;
+    const Paths *paths = query->paths;
     for (int64_t i = first; i < last; i++)
-        paths->touched[i] = pass_by(asked->parts, paths, paths->rays + i * paths->n_rays);
+        paths->touched[i] = pass_by(query->parts, paths, paths->rays + i * paths->n_rays);
 }
 
-/* Which bundles come near a patch that none of their rays met? In that many threads. */
+/* Mark the bundles that come near a patch that none of their rays hit. */
 KIRIKO_API void kiriko_touch(const ThinParts *parts, const Paths *paths, int64_t n_threads) {
     if (paths->n_rays < 1 || paths->n_rays > MOST_BUNDLED || parts->n_units > MOST_UNITS) return;
-    Asked asked = {parts, paths};
-    share_out(ask_some, &asked, paths->n, BUNDLES_EACH_TURN, n_threads > 1 ? n_threads : 1);
+    Query query = {parts, paths};
+    share_out(query_some, &query, paths->n, BUNDLES_EACH_TURN, n_threads > 1 ? n_threads : 1);
 }

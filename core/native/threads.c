@@ -1,4 +1,4 @@
-/* Shares work out among threads, which last as long as one call, or until their work is ended. */
+/* Distributes work among threads, which last for one call, or until their work is ended. */
 
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -62,11 +62,11 @@ static void end(Thread thread) { pthread_join(thread, NULL); }
 
 #endif
 
-/* Work that is under way. */
+/* Work in progress. */
 struct Begun {
     Shared shared;
     Thread threads[MOST_THREADS];
-    int64_t n_threads; /* beside the one that began it */
+    int64_t n_threads; /* in addition to the calling thread */
 };
 
 static void begin_threads(Begun *begun, int64_t n_threads) {
@@ -83,20 +83,19 @@ static void end_threads(Begun *begun) {
     for (int64_t k = 0; k < begun->n_threads; k++) end(begun->threads[k]);
 }
 
-/* Do work of n parts, so many at once, in that many threads, this one among them. Where no more can be had, fewer do. */
+/* Do work of n parts, `at_once` at a time, in up to n_threads threads including this one. */
 void share_out(Work work, void *context, int64_t n, int64_t at_once, int64_t n_threads) {
     Begun begun = {.shared = {.work = work, .context = context, .n = n, .at_once = at_once}};
     atomic_init(&begun.shared.next, 0);
     atomic_init(&begun.shared.n_done, 0);
-    /* this thread works, too */
+    /* this thread works as well */
     int64_t most = (n + at_once - 1) / at_once;
     begin_threads(&begun, (n_threads < most ? n_threads : most) - 1);
     take_turns(&begun.shared);
     end_threads(&begun);
 }
 
-/* Begin work of n parts in all of that many threads but this one, which is free until kiriko_end; NULL where memory is
-   short. */
+/* Begin work of n parts in n_threads - 1 other threads; this one is free until kiriko_end. NULL if memory is short. */
 Begun *begin_work(Work work, void *context, int64_t n, int64_t n_threads) {
     Begun *begun = malloc(sizeof *begun);
     if (!begun) return NULL;
@@ -110,12 +109,12 @@ Begun *begin_work(Work work, void *context, int64_t n, int64_t n_threads) {
     return begun;
 }
 
-/* True when all parts of the work are done, or no thread could be started, so that kiriko_end does them. */
+/* True if all parts of the work are done, or no thread could be started, so that kiriko_end does them. */
 KIRIKO_API int64_t kiriko_is_done(Begun *begun) {
     return !begun->n_threads || atomic_load(&begun->shared.n_done) >= begun->shared.n;
 }
 
-/* Have work ended, by this thread, too; what of it is not begun is left undone unless it is wanted. */
+/* End work, with the help of this thread; parts not begun are dropped unless wanted. */
 KIRIKO_API void kiriko_end(Begun *begun, int64_t is_wanted) {
     if (!begun) return;
     if (!is_wanted) atomic_store(&begun->shared.next, begun->shared.n);

@@ -1,17 +1,17 @@
-/* Follows rays to their ends: ray by ray what core/light/trace.py and the interactions do for many at once. */
+/* Follows rays to their ends, ray by ray. The numpy reference is core/light/trace.py and the interactions. */
 
 #include "kiriko.h"
 
 #define NEAR 4.0 /* as in core/light/interaction_display.py */
-#define RAYS_AT_ONCE 16 /* that one thread takes up: taking them costs nothing, and threads end at about the same time */
-#define EDGES_AT_ONCE 4 /* each of which takes about ten rays */
+#define RAYS_AT_ONCE 16 /* taken by a thread at a time: taking is free, and threads end at about the same time */
+#define EDGES_AT_ONCE 4 /* each with about ten rays */
 
 typedef struct {
     const Plan *plan;
     Rays *rays;
-    int64_t i, asked; /* the row of the ray, and that of the ray asked for, of which it may be a copy */
+    int64_t i, original; /* the row of the ray, and of the original ray if it is a copy */
     Hit *by_layer;
-    const Hit *beneath; /* the display, where it is in the same place as glass that the ray leaves; else NULL */
+    const Hit *beneath; /* the display in contact with glass left by the ray; else NULL */
 } Ray;
 
 static void add_to_branch(Ray *ray, int64_t patch, Event event) {
@@ -22,7 +22,7 @@ static void add_to_branch(Ray *ray, int64_t patch, Event event) {
     rays->branch[i] = mixed ^ (mixed >> 29);
     if (!rays->course) return;
     int64_t at = rays->n_words[i]++;
-    uint64_t *mine = rays->course + (rays->is_recorded ? i : ray->asked) * rays->width + at;
+    uint64_t *mine = rays->course + (rays->is_recorded ? i : ray->original) * rays->width + at;
     if (rays->is_recorded) {
         if (at < rays->width) *mine = rays->branch[i];
         return;
@@ -31,10 +31,10 @@ static void add_to_branch(Ray *ray, int64_t patch, Event event) {
     rays->has_ended[i] |= rays->is_astray[i];
 }
 
-/* The row of a copy of a ray that splits, as the ray is now; -1 where it has no more. As Rays.split has it. */
+/* Copy a ray that splits, in its present state, as Rays.split; returns the copy's row, -1 if none is left. */
 static int64_t split(Ray *ray) {
     Rays *rays = ray->rays;
-    int64_t i = ray->i, n = rays->n_asked, end = n * (1 + rays->n_copies), to = ray->asked + n;
+    int64_t i = ray->i, n = rays->n_asked, end = n * (1 + rays->n_copies), to = ray->original + n;
     while (to < end && rays->is_begun[to]) to += n;
     if (to >= end) return -1;
     rays->is_begun[to] = true;
@@ -49,7 +49,7 @@ static int64_t split(Ray *ray) {
     return to;
 }
 
-/* Take a ray out of open solids that it has left through a gap: beyond the box, or where it meets nothing. */
+/* Remove a ray from open solids left through a gap: beyond the box, or without a hit. */
 static void leave_gaps(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
@@ -70,13 +70,13 @@ static void leave_gaps(Ray *ray, const Hit *hit) {
     }
 }
 
-/* Note which boxes of what stands aside a ray enters on its way. */
+/* Mark the boxes of deferred objects that a ray enters. */
 static void keep_clear(Ray *ray, double distance) {
     const Plan *plan = ray->plan;
     const double *o = ray->rays->positions + 3 * ray->i, *d = ray->rays->directions + 3 * ray->i;
     double inverse[3] = {1 / d[0], 1 / d[1], 1 / d[2]};
-    for (int64_t n = 0; n < plan->n_aside; n++) {
-        const double *box = plan->aside_box + 6 * n;
+    for (int64_t n = 0; n < plan->n_deferred; n++) {
+        const double *box = plan->deferred_box + 6 * n;
         double enter = -INFINITY, leave = INFINITY;
         slab(box, box + 3, o, inverse, &enter, &leave);
         if (enter <= leave && leave >= 0 && enter <= distance)
@@ -84,20 +84,20 @@ static void keep_clear(Ray *ray, double distance) {
     }
 }
 
-/* The cosine of the angle between a ray and the face that it meets. */
+/* The cosine of the angle between a ray and the face it hits. */
 static double cosine_at(const Ray *ray, const Hit *hit) {
     const double *d = ray->rays->directions + 3 * ray->i;
     return hit->is_curved ? cosine_of(d, hit->facing) : fabs(dot(d, ray->plan->normals + 3 * hit->triangle));
 }
 
-/* Are the faces of two hits no further apart than this, m? Across them, as core/light/hits.py has it. */
+/* Whether the faces of two hits are within a perpendicular distance, m, as in core/light/hits.py. */
 static bool are_near(const Ray *ray, const Hit *one, const Hit *other, double distance) {
     double along = fabs(one->distance - other->distance);
     return along <= distance || (along * cosine_at(ray, one) <= distance && along * cosine_at(ray, other) <= distance);
 }
 
-/* Where glass lies on the display: glass that a ray leaves comes before it, glass that it enters after it, as
-   core/light/interaction_display.py has it. */
+/* Order coincident hits of glass and display: glass left comes before the display, glass entered after it, as in
+   core/light/interaction_display.py. */
 static void put_in_order(Ray *ray, Hit *first) {
     const Plan *plan = ray->plan;
     const Hit *display = NULL, *glass = NULL;
@@ -133,7 +133,7 @@ static bool find_first_hit(Ray *ray, Hit *first) {
         double tolerance = layer->tolerance > plan->merge_distance ? layer->tolerance : plan->merge_distance;
         if (tolerance < near) tolerance = near;
         Hit *hit = ray->by_layer + plan->order[n];
-        /* faces in one place are that far apart across, and further along the ray */
+        /* coincident faces are this far apart perpendicularly, and further along the ray */
         if (nearest && (layer->solid_bits || layer->has_engine || near > 0)) tolerance /= cosine_at(ray, nearest);
         first_hit(layer, &sides, o, d, nearest ? nearest->distance + tolerance : INFINITY, hit);
         if (hit->triangle >= 0 && (!nearest || hit->distance < nearest->distance)) nearest = hit;
@@ -144,12 +144,12 @@ static bool find_first_hit(Ray *ray, Hit *first) {
         if (ray->by_layer[n].distance < first->distance) *first = ray->by_layer[n];
     ray->beneath = NULL;
     if (plan->is_by_glass && first->triangle >= 0) put_in_order(ray, first);
-    if (plan->n_aside) keep_clear(ray, first->distance);
+    if (plan->n_deferred) keep_clear(ray, first->distance);
     if (sides.gap_distance < first->distance) rays->leak[i] = sides.gap;
     return first->triangle >= 0;
 }
 
-/* Where a ray meets the plane of a flat display: display px, distance, m, and does it meet its front? */
+/* Intersection of a ray with a flat display's plane: display px, distance, m, and whether from the front. */
 static bool on_plane(const Ray *ray, double *xy, double *t) {
     const Plan *plan = ray->plan;
     const double *o = ray->rays->positions + 3 * ray->i, *d = ray->rays->directions + 3 * ray->i;
@@ -169,13 +169,13 @@ static bool is_on_image(const Plan *plan, const double *xy) {
     return true;
 }
 
-/* Give a ray its landing at a place of the display, px, as Display.pixel has it. */
+/* Set a ray's landing at a place of the display, px, as Display.pixel. */
 static void land(Ray *ray, const double *xy) {
     ray->rays->xy[2 * ray->i] = xy[0];
     ray->rays->xy[2 * ray->i + 1] = xy[1];
 }
 
-/* Is this light that comes beside the glass, by way of the plate where one is needed, and is it looked for? */
+/* Whether light passed by the glass, met the plate if one is required, and the settings follow such light. */
 static bool is_beside_glass(const Ray *ray) {
     const Rays *rays = ray->rays;
     bool is_there = rays->has_met_plate[ray->i] || !ray->plan->needs_plate;
@@ -197,7 +197,7 @@ static void end_without_hit(Ray *ray) {
     add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
 }
 
-/* End a ray that has nothing before it but a flat display. */
+/* End a ray that can only meet a flat display. */
 static void land_beyond_plate(Ray *ray) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
@@ -222,7 +222,8 @@ static void land_beyond_plate(Ray *ray) {
     add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
 }
 
-/* Geometric and shading normal, both turned against the ray; is the face's own one kept, as the bent one looks away? */
+/* Geometric and shading normal, both against the ray; returns whether the face's own one replaces a bent one facing
+   away. */
 static bool find_normals(const Plan *plan, const double *d, const Hit *hit, double *geometric, double *shading) {
     if (hit->is_curved) {
         copy(hit->facing, geometric);
@@ -254,7 +255,7 @@ static void reflect(const double *d, const double *normal, double *out) {
     for (int j = 0; j < 3; j++) out[j] = d[j] - twice * normal[j];
 }
 
-/* Unpolarised Fresnel transmittance of power; 0 at grazing. */
+/* Unpolarised Fresnel transmittance of power; 0 at grazing incidence. */
 double transmittance(double c1, double c2, double eta) {
     double s = (eta * c1 - c2) / (eta * c1 + c2), p = (c1 - eta * c2) / (c1 + eta * c2);
     s = s == s ? s : 1;
@@ -287,19 +288,19 @@ static void set_direction(Ray *ray, double *out) {
     copy(out, ray->rays->directions + 3 * ray->i);
 }
 
-/* Cross or mirror at an interface; faces of other solids at the same place are crossed together with it. */
-static void meet_glass(Ray *ray, const Hit *hit) {
+/* Refract or totally reflect at an interface; coincident faces of other solids are crossed together. */
+static void interact_glass(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i, part = hit->part;
     uint64_t before = rays->cluster[i] == plan->cluster[part] ? rays->mask[i] : 0;
     rays->cluster[i] = plan->cluster[part];
     uint64_t after = before ^ plan->bit[part];
-    int64_t patch = plan->patch[hit->triangle]; /* of faces in one place the first one names the branch */
+    int64_t patch = plan->patch[hit->triangle]; /* the smallest number of coincident faces names the branch */
     for (int64_t n = 0; n < plan->n_layers; n++) {
         const Hit *other = ray->by_layer + n;
         if (other->triangle < 0 || other->triangle == hit->triangle) continue;
-        if (plan->cluster[other->part] != plan->cluster[part]) continue; /* a mask is of one cluster */
+        if (plan->cluster[other->part] != plan->cluster[part]) continue; /* a mask belongs to one cluster */
         if (!are_near(ray, other, hit, plan->merge_distance)) continue;
         after ^= plan->bit[other->part];
         if (plan->patch[other->triangle] < patch) patch = plan->patch[other->triangle];
@@ -314,8 +315,8 @@ static void meet_glass(Ray *ray, const Hit *hit) {
     double geometric[3], shading[3], out[3], passed;
     bool is_own = find_normals(plan, d, hit, geometric, shading);
     bool is_tir = refract(d, shading, n1, n2, out, &passed);
-    /* a bent normal can send light to the wrong side of the face it met: there the face's own normal is used,
-       and light jumps */
+    /* a bent normal can send light to the wrong side of the face: use the face's own normal, at the cost of a
+       discontinuity */
     if ((dot(out, geometric) > 0) != is_tir) {
         is_tir = refract(d, geometric, n1, n2, out, &passed);
         is_own = true;
@@ -328,7 +329,7 @@ static void meet_glass(Ray *ray, const Hit *hit) {
     add_to_branch(ray, patch, event);
 }
 
-static void meet_plate(Ray *ray, const Hit *hit) {
+static void interact_plate(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i, part = hit->part;
@@ -337,13 +338,13 @@ static void meet_plate(Ray *ray, const Hit *hit) {
     const Array *array = plan->elements[part];
     if (array) {
         Light light = (Light)rays->light;
-        if (rays->has_met_plate[i] && light == REFLECTED_LIGHT) light = FOLDED_LIGHT; /* it is reflected once */
+        if (rays->has_met_plate[i] && light == REFLECTED_LIGHT) light = FOLDED_LIGHT; /* reflected only once */
         PlatePath path;
         double passed = cross_array(array, light, rays->positions + 3 * i, d, &path);
         if (rays->plate_path[i] <= IMAGED) rays->plate_path[i] = (uint8_t)path;
         if (plan->brightness) rays->throughput[i] *= passed;
     } else {
-        reflect(d, normal, out); /* what is along the plate turns round, what is along the normal stays */
+        reflect(d, normal, out); /* the tangential component is reversed, the normal one is unchanged */
         for (int j = 0; j < 3; j++) d[j] = -out[j];
         if (rays->plate_path[i] < IMAGED) rays->plate_path[i] = IMAGED;
     }
@@ -352,7 +353,7 @@ static void meet_plate(Ray *ray, const Hit *hit) {
     if (plan->is_clear[2 * part + (dot(d, normal) > 0)]) land_beyond_plate(ray);
 }
 
-static void meet_mirror(Ray *ray, const Hit *hit) {
+static void interact_mirror(Ray *ray, const Hit *hit) {
     const double *d = ray->rays->directions + 3 * ray->i;
     double geometric[3], shading[3], out[3];
     bool is_own = find_normals(ray->plan, d, hit, geometric, shading);
@@ -365,8 +366,8 @@ static void meet_mirror(Ray *ray, const Hit *hit) {
     add_to_branch(ray, ray->plan->patch[hit->triangle], is_own ? AT_MIRROR_FACE : AT_MIRROR);
 }
 
-/* Go on straight, and reflected in a copy, with half of the light each. */
-static void meet_splitter(Ray *ray, const Hit *hit) {
+/* Continue straight, and reflected in a copy, with half of the light each. */
+static void interact_splitter(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t patch = plan->patch[hit->triangle];
@@ -380,8 +381,8 @@ static void meet_splitter(Ray *ray, const Hit *hit) {
     add_to_branch(ray, patch, PASS);
 }
 
-/* End here: with a landing when the light came the way that it has to, to the display's front. */
-static void meet_display(Ray *ray, const Hit *hit) {
+/* End on the display; lands on its front if the light has met the required parts. */
+static void interact_display(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i;
@@ -396,10 +397,10 @@ static void meet_display(Ray *ray, const Hit *hit) {
     for (int k = 0; k < 2; k++) at[k] = w * uv[k] + hit->u * uv[2 + k] + hit->v * uv[4 + k];
     double xy[2] = {at[0] * plan->display_size[0], (1 - at[1]) * plan->display_size[1]};
     land(ray, xy);
-    if (rays->reason[i] == ARRIVED && !is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* the UV map leaves the image */
+    if (rays->reason[i] == ARRIVED && !is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* beyond the image */
 }
 
-/* End a ray that has left glass where it lies on the display; one that was turned back must not meet that behind it. */
+/* End a ray that left glass in contact with the display; a reflected one must not hit the display behind it. */
 static void leave_onto_display(Ray *ray, uint64_t before) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
@@ -411,14 +412,14 @@ static void leave_onto_display(Ray *ray, uint64_t before) {
     rays->has_ended[i] = true;
     if (rays->n_events[i] >= plan->max_events) return;
     rays->n_events[i]++;
-    meet_display(ray, ray->beneath);
+    interact_display(ray, ray->beneath);
 }
 
 static void follow_one(Ray *ray) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i;
-    bool is_noted = rays->n_steps && i == ray->asked;
+    bool is_noted = rays->n_steps && i == ray->original;
     for (int64_t event = rays->n_events[i]; event < plan->max_events; event++) {
         Hit hit;
         if (!find_first_hit(ray, &hit)) {
@@ -437,17 +438,17 @@ static void follow_one(Ray *ray) {
         }
         int64_t part = hit.part;
         Kind kind = (Kind)plan->kind[part];
-        /* glass in the same place as a sheet just met: the sheet must not be met once more from there */
-        bool is_beside = kind == GLASS && hit.distance * cosine_at(ray, &hit) <= plan->merge_distance;
-        if (!is_beside) rays->last_part[i] = plan->sheet[part];
+        /* glass coincident with the thin surface just left: do not hit the surface again from there */
+        bool is_coincident = kind == GLASS && hit.distance * cosine_at(ray, &hit) <= plan->merge_distance;
+        if (!is_coincident) rays->last_part[i] = plan->sheet[part];
         uint64_t before = rays->mask[i];
         switch (kind) {
-            case GLASS: meet_glass(ray, &hit); break;
-            case PLATE: meet_plate(ray, &hit); break;
-            case MIRROR: meet_mirror(ray, &hit); break;
-            case SPLITTER: meet_splitter(ray, &hit); break;
+            case GLASS: interact_glass(ray, &hit); break;
+            case PLATE: interact_plate(ray, &hit); break;
+            case MIRROR: interact_mirror(ray, &hit); break;
+            case SPLITTER: interact_splitter(ray, &hit); break;
             case BLOCKER: rays->reason[i] = BLOCKED; return;
-            case DISPLAY: meet_display(ray, &hit); return;
+            case DISPLAY: interact_display(ray, &hit); return;
         }
         if (ray->beneath) leave_onto_display(ray, before);
         if (rays->has_ended[i]) return;
@@ -466,9 +467,9 @@ static void follow_some(void *context, int64_t first, int64_t last) {
     Rays *rays = batch->rays;
     Ray ray = {batch->plan, rays, 0, 0, by_layer, NULL};
     for (int64_t i = first; i < last; i++) {
-        ray.i = ray.asked = batch->first + i;
+        ray.i = ray.original = batch->first + i;
         follow_one(&ray);
-        /* its copies, which may split, too */
+        /* its copies, which may split as well */
         for (int64_t k = 0; k < rays->n_copies && rays->is_begun[ray.i + rays->n_asked]; k++) {
             ray.i += rays->n_asked;
             if (!rays->has_ended[ray.i]) follow_one(&ray);
@@ -476,14 +477,13 @@ static void follow_some(void *context, int64_t first, int64_t last) {
     }
 }
 
-/* Follow rays from `first` to before `last` to their ends, in that many threads; the result is the same for any
-   number. */
+/* Follow rays from `first` to before `last` to their ends. The result does not depend on the number of threads. */
 KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64_t last, int64_t n_threads) {
     Batch batch = {plan, rays, first};
     share_out(follow_some, &batch, last - first, RAYS_AT_ONCE, n_threads);
 }
 
-/* The ray through a viewer pixel begins, as core/rig/viewer.py and core/light/rays.py have it. */
+/* Start the ray through a viewer pixel, as in core/rig/viewer.py and core/light/rays.py. */
 static void begin(const Halving *halving, Rays *rays, int64_t i, double x, double y) {
     const double *window = halving->window, *right = halving->axes, *up = right + 3, *forward = right + 6;
     double u = window[0] + (window[1] - window[0]) * (x / halving->size[0]);
@@ -507,7 +507,7 @@ static void begin(const Halving *halving, Rays *rays, int64_t i, double x, doubl
     rays->last_part[i] = rays->leak[i] = -1;
 }
 
-/* Is an edge on its branch so far, 0..1 of its way? Then that is the last place so far. */
+/* Whether an edge has its branch at a fraction 0..1 of its length; if so, records it as the last place. */
 static bool holds(const Halving *halving, Ray *ray, double part) {
     Rays *rays = ray->rays;
     int64_t i = ray->i;
@@ -534,8 +534,8 @@ static void halve_some(void *context, int64_t first, int64_t last) {
     Hit by_layer[MOST_LAYERS];
     Ray ray = {halves->batch.plan, halves->batch.rays, 0, 0, by_layer, NULL};
     for (int64_t n = first; n < last; n++) {
-        int64_t i = ray.i = ray.asked = halves->batch.first + n;
-        /* where it is likely to end is tried first, unless that is the far end itself */
+        int64_t i = ray.i = ray.original = halves->batch.first + n;
+        /* try the expected end first, unless it is the far end */
         if (halving->width[i] < 1 && holds(halving, &ray, halving->width[i])) halving->width[i] = 0;
         while (halving->width[i] > halving->least) {
             halving->width[i] /= 2;
@@ -544,21 +544,21 @@ static void halve_some(void *context, int64_t first, int64_t last) {
     }
 }
 
-/* Look for the last places on the branches of edges from `first` to before `last`, each with the state of one ray, in
-   that many threads; the result is the same for any number. */
+/* Bisect edges from `first` to before `last` for the last places on their branches, each with the state of one ray.
+   The result does not depend on the number of threads. */
 KIRIKO_API void kiriko_bisect(const Plan *plan, Rays *rays, const Halving *halving, int64_t first, int64_t last,
                               int64_t n_threads) {
     Halves halves = {{plan, rays, first}, halving};
     share_out(halve_some, &halves, last - first, EDGES_AT_ONCE, n_threads);
 }
 
-/* Number i of what loading.py compares with its own; -1 beyond the last. */
+/* Number i for loading.py's check of the layout; -1 beyond the last. */
 KIRIKO_API int64_t kiriko_layout(int64_t i) {
     const int64_t numbers[] = {
-        VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(Hull),
-        sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division), sizeof(Strokes),
+        VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(EngineTriangles),
+        sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division), sizeof(FlatTaps),
         sizeof(Level), sizeof(Fit),   sizeof(ThinParts), sizeof(Paths), sizeof(Halving), sizeof(Sum),
-        sizeof(Growth),
+        sizeof(TreeTask),
     };
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

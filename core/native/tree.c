@@ -1,4 +1,4 @@
-/* Trees of boxes, cut where by the surface area heuristic rays are likely to have the least to do. */
+/* Trees of boxes, split by the surface area heuristic. */
 
 #include <stdlib.h>
 
@@ -6,16 +6,16 @@
 #include "tree.h"
 
 #define BINS 16
-#define FEW 4          /* items that are not parted any further */
-#define MOST_ITEMS 16  /* that stay together although parting them seems to win nothing */
-#define BY_HALVES 40   /* depth from which on boxes are simply halved, so that no tree is deeper than MOST_DEPTH */
+#define FEW 4          /* items not split any further */
+#define MOST_ITEMS 16  /* items kept together if splitting has no expected gain */
+#define BY_HALVES 40   /* from this depth on, boxes are simply halved to limit the depth to MOST_DEPTH */
 #define MOST_DEPTH 80
 
 typedef struct {
     double low[3], high[3];
 } Box;
 
-/* A box of a tree of pairs: as in Node, with two boxes in place of four. */
+/* A box of a binary tree: as Node, with two boxes instead of four. */
 typedef struct {
     Box box;
     int32_t first, count;
@@ -42,7 +42,7 @@ static int bin_of(double at, double low, double scale) {
     return bin > 0 ? bin < BINS ? (int)bin : BINS - 1 : 0;
 }
 
-/* The axis and the bin before which items are best parted; false where that wins nothing. */
+/* The axis and bin of the best split; false if none has a gain. */
 static bool best_cut(const double *boxes, const int32_t *items, int32_t n, const Box *centres, const Box *whole,
                      int *axis, int *cut) {
     double best = n <= MOST_ITEMS ? n * half_area(whole) : INFINITY, scale[3];
@@ -90,11 +90,11 @@ static bool best_cut(const double *boxes, const int32_t *items, int32_t n, const
     return is_found;
 }
 
-/* Make a tree of pairs; returns the number of boxes, 0 when the tree is no longer wanted. */
-static int64_t make_pairs(const Growth *growth, Pair *pairs) {
-    const double *boxes = growth->boxes;
-    int32_t *items = growth->items;
-    int64_t n = growth->n;
+/* Make a binary tree; returns the number of boxes, 0 if cancelled. */
+static int64_t make_pairs(const TreeTask *task, Pair *pairs) {
+    const double *boxes = task->boxes;
+    int32_t *items = task->items;
+    int64_t n = task->n;
     struct { int32_t pair, first, count, depth; } todo[MOST_DEPTH + 2];
     int64_t n_pairs = 1;
     int n_todo = 1;
@@ -103,7 +103,7 @@ static int64_t make_pairs(const Growth *growth, Pair *pairs) {
     todo[0].count = (int32_t)n;
 
     while (n_todo) {
-        if (growth->is_unwanted) return 0;
+        if (task->is_cancelled) return 0;
         n_todo--;
         int32_t first = todo[n_todo].first, count = todo[n_todo].count, depth = todo[n_todo].depth;
         Pair *pair = pairs + todo[n_todo].pair;
@@ -132,7 +132,7 @@ static int64_t make_pairs(const Growth *growth, Pair *pairs) {
                 mine[n_before++] = item;
             }
         } else if (count > MOST_ITEMS) {
-            n_before = count / 2; /* all in one place, or far down: any halves will do */
+            n_before = count / 2; /* all in one place, or too deep: split anywhere */
         }
         if (!n_before || n_before == count) continue;
 
@@ -152,13 +152,13 @@ static int64_t make_pairs(const Growth *growth, Pair *pairs) {
 static void make_tree(void *context, int64_t first_part, int64_t last_part) {
     (void)first_part;
     (void)last_part;
-    Growth *growth = context;
-    Node *nodes = growth->nodes;
-    int64_t n = growth->n, n_nodes = 1, n_todo = 1;
+    TreeTask *task = context;
+    Node *nodes = task->nodes;
+    int64_t n = task->n, n_nodes = 1, n_todo = 1;
     Pair *pairs = malloc(2 * sizeof(Pair) * (size_t)n);
-    int32_t *pair_of = malloc(sizeof(int32_t) * (size_t)n); /* the pair that a node stands for */
+    int32_t *pair_of = malloc(sizeof(int32_t) * (size_t)n); /* the pair represented by a node */
     int32_t todo[3 * MOST_DEPTH + 4]; /* nodes */
-    if (!pairs || !pair_of || !make_pairs(growth, pairs)) {
+    if (!pairs || !pair_of || !make_pairs(task, pairs)) {
         free(pairs);
         free(pair_of);
         return;
@@ -166,8 +166,8 @@ static void make_tree(void *context, int64_t first_part, int64_t last_part) {
     pair_of[0] = 0;
     todo[0] = 0;
     while (n_todo) {
-        int64_t i = todo[--n_todo]; /* the last first: what is below a node lies together in memory */
-        /* of a pair's two boxes the larger is parted, then of all three */
+        int64_t i = todo[--n_todo]; /* the last first, so that subtrees are contiguous in memory */
+        /* split the larger of a pair's two boxes, then the largest of three */
         int32_t of[4] = {pair_of[i]};
         int n_of = 1;
         while (n_of < 4) {
@@ -195,11 +195,11 @@ static void make_tree(void *context, int64_t first_part, int64_t last_part) {
     }
     free(pairs);
     free(pair_of);
-    growth->n_nodes = n_nodes;
+    task->n_nodes = n_nodes;
 }
 
-/* Begin to make a tree, in a thread of its own if there may be two. NULL where memory is short; else kiriko_end has to
-   be called, before which nobody else may touch the tree. */
-KIRIKO_API Begun *kiriko_begin_tree(Growth *growth, int64_t n_threads) {
-    return begin_work(make_tree, growth, growth->n > 0, n_threads);
+/* Start making a tree, in its own thread if n_threads is 2. NULL if memory is short; else call kiriko_end before any
+   other access to the tree. */
+KIRIKO_API Begun *kiriko_begin_tree(TreeTask *task, int64_t n_threads) {
+    return begin_work(make_tree, task, task->n > 0, n_threads);
 }

@@ -1,18 +1,17 @@
-/* Trees of boxes: a ray visits those that it meets, four at a time and nearest first. */
+/* Trees of boxes: a ray visits the boxes it meets, four at a time and nearest first. */
 
 #ifndef TREE_H
 #define TREE_H
 
 #include "kiriko.h"
 
-#define MOST_WAITING 256 /* boxes: three for each level of a tree, of which there are at most 80 */
-#define ROUNDING 1e-6f   /* in units of the tree's size: boxes are float32, and larger by this */
+#define MOST_WAITING 256 /* boxes: three for each level of a tree, with at most 80 levels */
+#define ROUNDING 1e-6f   /* margin of the float32 boxes, in units of the tree's size */
 
-/* What is done with the items from position `first` to before `last`; it may lower `far`, beyond which nothing is
-   visited any more. */
+/* Callback for the items from position `first` to before `last`; it may lower `far`, the limit of the search. */
 typedef void (*Visit)(void *context, int32_t first, int32_t last, double *far);
 
-/* Visit the items in whose boxes a ray is between 0 and far, all in units of the tree's size. */
+/* Visit the items whose boxes a ray meets between 0 and far, all in units of the tree's size. */
 __attribute__((always_inline)) static inline void visit_tree(const Tree *tree, const double *o, const double *d,
                                                              double *far, Visit visit, void *context) {
     struct { int32_t first, count; float enter; } waiting[MOST_WAITING];
@@ -40,7 +39,7 @@ __attribute__((always_inline)) static inline void visit_tree(const Tree *tree, c
         for (int a = 0; a < 3; a++) {
             const float *near_side = node->sides[2 * a + side[a]], *far_side = node->sides[2 * a + 1 - side[a]];
             for (int k = 0; k < 4; k++) {
-                /* the NaN of a ray that runs within a side is passed over by both comparisons */
+                /* both comparisons ignore the NaN of a ray within a side */
                 float t0 = (near_side[k] - from[a]) * inverse[a], t1 = (far_side[k] - from[a]) * inverse[a];
                 enter[k] = t0 > enter[k] ? t0 : enter[k];
                 leave[k] = t1 < leave[k] ? t1 : leave[k];
@@ -48,7 +47,7 @@ __attribute__((always_inline)) static inline void visit_tree(const Tree *tree, c
         }
         for (int k = 0; k < 4; k++) {
             if (node->first[k] < 0 || !(enter[k] <= leave[k])) continue;
-            int at = n++; /* the nearest last, so that it is taken up first */
+            int at = n++; /* the nearest last, so that it is popped first */
             for (; at > 0 && waiting[at - 1].enter < enter[k] && at > n - 4; at--) waiting[at] = waiting[at - 1];
             waiting[at].first = node->first[k];
             waiting[at].count = node->count[k];

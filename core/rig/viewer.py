@@ -170,9 +170,9 @@ def check_own_images(viewers: Sequence[Viewer], picture: Picture) -> None:
             picture=picture.name,
         )
 
-    known = {one.name for one in picture.own}
+    with_image = {one.name for one in picture.own}
     for viewer in viewers:
-        if viewer.name not in known:
+        if viewer.name not in with_image:
             raise RigError(
                 "The viewer '{viewer}' has no image of its own, but others have: choose one in"
                 " the list of viewers, or take theirs away.",

@@ -14,7 +14,7 @@ from ..image.ghosts import strongest_paths
 from ..image.inverse_lookup import InverseLookup, moved_in_view
 from ..image.outline import cut_along_outline
 from ..image.pyramid import Pyramid
-from ..image.source_image import Painting, Strokes, find_filter_taps
+from ..image.source_image import FilterTaps, Painting, find_filter_taps
 from ..map.pieces import Piece
 from ..map.shares import Coverage, ShareBatches, Shares
 from ..map.view_map import ViewMap
@@ -50,7 +50,7 @@ class Placed:
     step: Floats | None = None
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
-    strokes: list[Strokes] = field(default_factory=list)  # for the first batches of shares
+    filter_taps: list[FilterTaps] = field(default_factory=list)  # for the first batches of shares
     covered: tuple[float, dict[str, float]] | None = None
 
     @property
@@ -60,7 +60,7 @@ class Placed:
     def let_go(self) -> None:
         """Drop cached shares and filter taps; they are made again on demand."""
         self.shares.let_go()
-        self.strokes.clear()
+        self.filter_taps.clear()
 
     def part_done(self, n: int) -> float:
         """Progress 0..1 of a pass after n shares.
@@ -150,8 +150,8 @@ def _add(
             yield progress
             continue
         # Hold a reference: another solve may drop them during a pause.
-        strokes = placed.strokes[n] if n < len(placed.strokes) else None
-        shown = None if strokes is not None and not is_new else placed.shown(shares)
+        filter_taps = placed.filter_taps[n] if n < len(placed.filter_taps) else None
+        shown = None if filter_taps is not None and not is_new else placed.shown(shares)
         yield progress
 
         if is_new:
@@ -159,14 +159,14 @@ def _add(
             clock.lap("coverage")
             yield progress
 
-        if strokes is None:
+        if filter_taps is None:
             shown = placed.weighed(shown)
-            strokes = find_filter_taps(placed.picture, placed.viewer, shown)
+            filter_taps = find_filter_taps(placed.picture, placed.viewer, shown)
             yield progress
-        if n == len(placed.strokes) and n_painted < MOST_PLACED // placed.shares.n_sharing:
-            placed.strokes.append(strokes)
+        if n == len(placed.filter_taps) and n_painted < MOST_PLACED // placed.shares.n_sharing:
+            placed.filter_taps.append(filter_taps)
 
-        painting.add(pyramid, strokes)
+        painting.add(pyramid, filter_taps)
         clock.lap("painting")
         n += 1
 
@@ -176,7 +176,7 @@ def _add(
 
     placed.is_counted = True
     if not placed.shares.are_kept:
-        placed.strokes.clear()  # they save little if the shares themselves have to be made again
+        placed.filter_taps.clear()  # they save little if the shares themselves have to be made again
 
 
 def place(view_map: ViewMap, picture: PicturePlace, key: ChannelKey, settings: Settings) -> Placed:

@@ -101,12 +101,12 @@ def placed_for(
     for key, traced, one, picture in of_each:
         old = cached.get(key)
         if old is not None:
-            old.strokes.clear()  # the new channel makes its own
+            old.filter_taps.clear()  # the new channel makes its own
         channels.append(
             place(traced.view_map, picture, one, settings)
             if old is None
             # Filter taps and steps depend on the other channels.
-            else replace(old, key=one, strokes=[], step=None)
+            else replace(old, key=one, filter_taps=[], step=None)
         )
 
     for placed in channels:

@@ -79,7 +79,9 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
 
     # the kernel builds its tree faster than Embree
     if loading.library() is not None:
-        bent.asked = replace(layer.asked, given=kernel_trees.BoundingShellEngine(layer.asked))
+        bent.engine_triangles = replace(
+            layer.engine_triangles, given=kernel_trees.BoundingShellEngine(layer.engine_triangles)
+        )
 
     return bent
 

@@ -289,11 +289,11 @@ TAIL = [
         "extremes: touching solids",
     ),
     *_option_rows(
-        "light.layer_hits.RESCUE",
+        "light.layer_hits.MISSED_HITS",
         "Missed hits",
         protects="judge: rays at vertices and edges",
         by_numpy=True,
-        beside=(1, "one ray beside a lost one instead of six"),
+        neighbours=(1, "one ray beside a lost one instead of six"),
         wider=(0.0, "no slack for rays along a face"),
     ),
 ]
@@ -473,7 +473,7 @@ ROWS = [*TAIL, *MAP, *GLASS, *IMAGE, *SOLVE]
 # Records that no solve of these glasses depends on, and the bench that measures them instead
 ELSEWHERE = {
     "bench": "`tests/core/test_spread.py` (Add Rig) and `dev.py paper` (photographs)",
-    "image.seen_image.DotKnobs": "`dev.py paper`: the lattice as seen",
+    "image.seen_image.DotOptions": "`dev.py paper`: the lattice as seen",
     "image.tone.Tone": "the user's choice",
     "map.pieces.SWING": "only with Brightness",
     "solve.accuracy.MANY_EVENTS": "only with more than 64 events",

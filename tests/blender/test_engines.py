@@ -82,7 +82,7 @@ def test_both_engines_lead_to_the_same_landings(name, monkeypatch):
     """
     by_blender = PLANS[name]()
     # they are made when they are first asked
-    engines = [planned.layer.asked.engine for planned in by_blender.layers]
+    engines = [planned.layer.engine_triangles.engine for planned in by_blender.layers]
     assert {engine.name for engine in engines} == {"Blender's BVH"}
 
     monkeypatch.undo()

@@ -17,7 +17,7 @@ from kiriko.core.glass.surfaces import make_surface, surface_steps
 from kiriko.core.glass.tessellate import count_parts, tessellate
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.layer_hits import first_hits
-from kiriko.core.light.ray_engine import Layer, LeavingKnobs
+from kiriko.core.light.ray_engine import Layer, LeavingOptions
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
@@ -950,7 +950,7 @@ def test_leaving_the_hull_early_changes_nothing(name, monkeypatch):
     mesh = meshes(name, False)
     quick = landings_of(mesh)
     monkeypatch.setattr(
-        "kiriko.core.light.ray_engine.LEAVING", LeavingKnobs(steep=2.0)
+        "kiriko.core.light.ray_engine.LEAVING", LeavingOptions(steep=2.0)
     )  # no cosine is: every one is asked
     assert quick.has_arrived.sum() > 5
     assert is_same(quick, landings_of(mesh))

@@ -326,8 +326,8 @@ def test_the_tree_is_a_ray_engine(make):
     dice = np.random.default_rng(0)
     origins = dice.uniform(-1.2, 1.2, (8000, 3)).astype(np.float32)
     directions = unit(dice.normal(size=(8000, 3)) - origins).astype(np.float32)
-    expected = Embree(layer.asked.corners).shoot(origins, directions)
-    found = kernel_trees.BoundingShellEngine(layer.asked).shoot(origins, directions)
+    expected = Embree(layer.engine_triangles.corners).shoot(origins, directions)
+    found = kernel_trees.BoundingShellEngine(layer.engine_triangles).shoot(origins, directions)
     is_same = found.triangle == expected.triangle
 
     assert is_same.mean() > 0.999  # where edges and rays meet rounding decides
@@ -341,7 +341,7 @@ def test_the_tree_is_a_ray_engine(make):
             getattr(found, name)[some], getattr(expected, name)[some], atol=1e-3
         )
 
-    nowhere = kernel_trees.BoundingShellEngine(layer.asked).shoot(
+    nowhere = kernel_trees.BoundingShellEngine(layer.engine_triangles).shoot(
         origins[:3] * np.array([[np.nan], [np.inf], [1]]), 0 * directions[:3]
     )
     assert (nowhere.triangle == -1).all()
@@ -992,8 +992,8 @@ PICTURES = {
 def painted(a_picture, viewer, shares):
     """Sums of a painting (3, H, W)."""
     painting = Painting(shares.display_size)
-    strokes = find_filter_taps(a_picture.place, viewer, shares)
-    painting.add(Pyramid(a_picture.image), strokes)
+    filter_taps = find_filter_taps(a_picture.place, viewer, shares)
+    painting.add(Pyramid(a_picture.image), filter_taps)
     return painting._total
 
 
@@ -1037,15 +1037,15 @@ def test_taps_that_are_kept_paint_the_same_bits(shape):
     shares = shares_of(dice, 20_000, (200, 100))
     shares.display_index[::9] = dice.choice([-1, 20_000, 2**31 - 1], len(shares.display_index[::9]))
     shares.view_xy[::17] = NAN
-    strokes = find_filter_taps(place, viewer, shares)
+    filter_taps = find_filter_taps(place, viewer, shares)
 
     for pixels in (image, image, other, frozen(other[::-1].copy()[::-1])):
         kept, alone = Painting(shares.display_size), Painting(shares.display_size)
-        kept.add(Pyramid(pixels), strokes)
+        kept.add(Pyramid(pixels), filter_taps)
         alone.add(Pyramid(pixels), find_filter_taps(place, viewer, shares))
         assert alone._total.any()
         assert kept._total.tobytes() == alone._total.tobytes()
-    assert strokes.taps is not None
+    assert filter_taps.taps is not None
 
 
 @pytest.mark.parametrize("shape", [(64, 48), (2, 2), (6, 9)])
@@ -1249,7 +1249,7 @@ SHARING = (
 # constants that numpy's way has no need of
 KERNELS_OWN = {
     *("BINS", "BUNDLES_EACH_TURN", "BY_HALVES", "COLUMNS_AT_ONCE", "FEW", "FREE", "HALF_TURN"),
-    *("HULL_SLACK", "MOST_ASKED", "MOST_DEPTH", "MOST_ITEMS", "MOST_LEVELS"),
+    *("SHELL_SLACK", "MOST_SHELL_HITS", "MOST_DEPTH", "MOST_ITEMS", "MOST_LEVELS"),
     *("MOST_TAPS", "MOST_THREADS", "MOST_WAITING", "N_STARTS", "RAYS_AT_ONCE", "ROUNDING"),
     *("LINE", "SHOTS_EACH_TURN", "N_AT", "N_STRIPES", "SIDE_BY_SIDE"),
     *("EDGES_AT_ONCE", "WELL_BELOW"),

@@ -37,7 +37,7 @@ def test_lost_rays_are_looked_for_in_pieces():
     question = Question(RayLines(origins, away), accept, leaves=np.ones(5000, bool))
     tracemalloc.start()
     try:
-        steps = sum(1 for _ in layer_hits.ask_all_triangles(layer, question, rays, hits))
+        steps = sum(1 for _ in layer_hits.search_all_triangles(layer, question, rays, hits))
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
@@ -51,7 +51,7 @@ def test_lost_rays_are_looked_for_in_pieces():
 def test_of_faces_in_one_place_the_first_by_number_is_met(monkeypatch, pairs_at_once):
     """However many pairs are tested together, and whichever rays are asked with a ray."""
     monkeypatch.setattr(
-        layer_hits, "RESCUE", replace(layer_hits.RESCUE, near_at_once=pairs_at_once)
+        layer_hits, "MISSED_HITS", replace(layer_hits.MISSED_HITS, near_at_once=pairs_at_once)
     )
     random = np.random.default_rng(0)
     some = random.normal(size=(40, 3, 3))
@@ -66,7 +66,7 @@ def test_of_faces_in_one_place_the_first_by_number_is_met(monkeypatch, pairs_at_
     def met(rays):
         hits = Hits.none(40, None)
         question = Question(RayLines(origins, away), accept)
-        for _ in layer_hits.ask_all_triangles(layer, question, rays, hits):
+        for _ in layer_hits.search_all_triangles(layer, question, rays, hits):
             pass
         return hits.triangle[rays]
 

@@ -59,7 +59,7 @@ def test_the_short_way_equals_tracing(projection, monkeypatch):
     a, b = random.normal(scale=1e-3, size=(2, 2, len(xy)))
     covariance = np.stack([a[0] ** 2 + b[0] ** 2, a[0] * a[1] + b[0] * b[1], a[1] ** 2 + b[1] ** 2])
     short = picture_from_view(a_picture.place, v, xy, covariance)
-    monkeypatch.setattr(flat_picture, "way_to_mesh", lambda *_: None)
+    monkeypatch.setattr(flat_picture, "mesh_mapping", lambda *_: None)
     long = picture_from_view(a_picture.place, v, xy, covariance)
     inside = (long.cover > 0) & (short.cover == 1)
 

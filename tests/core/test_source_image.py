@@ -198,8 +198,8 @@ def painted(throughput, light, margin=0):
     viewer = replace(rig(box([0.3, 0.02, 0.3])).viewer, width=width, height=height)
     image = np.full((height, width, 4), light, np.float32)
     painting = Painting((width, height))
-    strokes = find_filter_taps(PicturePlace("Picture", width, height), viewer, shares)
-    painting.add(Pyramid(image), strokes)
+    filter_taps = find_filter_taps(PicturePlace("Picture", width, height), viewer, shares)
+    painting.add(Pyramid(image), filter_taps)
     return painting.finished(coverage.weight, margin)
 
 

@@ -24,7 +24,7 @@ SETTINGS = Settings(only_through_glass=False, only_through_plate=False, max_even
 X, Y, Z = np.eye(3)
 
 
-def meet(plan, rays, i, hits, by_layer):
+def interact(plan, rays, i, hits, by_layer):
     rays.throughput[i] *= 0.5
     normals, patch = plan.triangles.normals[hits.triangle], plan.triangles.patch[hits.triangle]
     splits, copies = rays.split(i)
@@ -35,7 +35,9 @@ def meet(plan, rays, i, hits, by_layer):
 
 @pytest.fixture(params=["kernel", "numpy"])
 def way(request, monkeypatch):
-    monkeypatch.setitem(interactions.INTERACTIONS, SPLITTER, Interaction(meet, None, splits=True))
+    monkeypatch.setitem(
+        interactions.INTERACTIONS, SPLITTER, Interaction(interact, None, splits=True)
+    )
     monkeypatch.setattr(
         trace, "ENDS", np.resize(trace.ENDS, SPLITTER + 1) & (np.arange(SPLITTER + 1) < 5)
     )

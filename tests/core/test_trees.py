@@ -22,14 +22,14 @@ def test_a_large_tree_is_the_small_one_with_pauses(monkeypatch):
     at = np.random.default_rng(0).normal(size=(50 * N, 3))  # so many that it takes a while
     boxes = np.stack([at - 0.1, at + 0.1], axis=1)
     monkeypatch.setattr(kernel_trees, "LARGE", len(boxes) + 1)
-    whole, items = run_steps(kernel_trees.making_tree(boxes))
+    whole, items = run_steps(kernel_trees.tree_steps(boxes))
     monkeypatch.setattr(kernel_trees, "LARGE", N - 1)
-    pauses = list(kernel_trees.making_tree(boxes))
-    made, same = run_steps(kernel_trees.making_tree(boxes))
+    pauses = list(kernel_trees.tree_steps(boxes))
+    made, same = run_steps(kernel_trees.tree_steps(boxes))
     assert pauses
-    assert np.array_equal(made.kept[0], whole.kept[0])
+    assert np.array_equal(made.references[0], whole.references[0])
     assert np.array_equal(same, items)
-    unwanted = kernel_trees.making_tree(boxes)
+    unwanted = kernel_trees.tree_steps(boxes)
     next(unwanted)
     unwanted.close()
 
@@ -38,7 +38,7 @@ def test_a_large_tree_is_the_small_one_with_pauses(monkeypatch):
 def test_no_tree_is_too_deep():
     """A ray keeps 256 boxes in mind at the most (tree.h), however uneven they are."""
     at = 10.0 ** -np.random.default_rng(0).uniform(0, 150, (N, 3))
-    nodes = run_steps(kernel_trees.making_tree(np.stack([at, at], axis=1)))[0].kept[0]
+    nodes = run_steps(kernel_trees.tree_steps(np.stack([at, at], axis=1)))[0].references[0]
     todo = [(0, 1)]
     most = 0
     while todo:

@@ -137,7 +137,7 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     found = Leaks(0, 0, 0, 0, 0)
     if loading.library() is not None:
         # or rays that were lost on the way would begin again in air
-        run_steps(kernel_tracer.making(plan))
+        run_steps(kernel_tracer.prepare_steps(plan))
         run_steps(kernel_tracer.plan_steps(plan))
 
     for first in range(0, len(d), TRACED_AT_ONCE):
