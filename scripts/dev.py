@@ -1,6 +1,6 @@
-"""For whoever develops Kiriko: `python3 scripts/dev.py VERB`. Needs only Python.
+"""The developer's command: `python3 scripts/dev.py VERB`. Needs only Python.
 
-The rest it sets up in .dev/.
+It sets up everything else in .dev/.
 """
 
 from __future__ import annotations
@@ -57,25 +57,25 @@ class Script(NamedTuple):
 SCRIPTS = {
     "demo": Script("demo", "solve, render and measure the reference rigs, into out/"),
     "bench": Script("bench.solve", "seconds and memory of solves and of their stages"),
-    "marks": Script("bench.marks", "time and error beside Mitsuba and the splat", BENCH),
+    "marks": Script("bench.marks", "time and error next to Mitsuba and the splat", BENCH),
     "live": Script("bench.live", "updates a second of Live"),
     "extremes": Script("bench.extremes", "stiff and extreme cases: right, or refused"),
     "hashes": Script("bench.hashes", "hashes of landings, maps and source images"),
-    "judge": Script("bench.judge", "optics at fifty digits, and rays that may not leak"),
+    "judge": Script("bench.judge", "optics at fifty digits, and rays at vertices and edges"),
     "irregular": Script("bench.irregular", "error of regular, uneven and noisy meshes"),
-    "meant": Script("bench.meant", "error against the surface that was meant"),
+    "meant": Script("bench.meant", "error against the intended surface"),
     "ablation": Script("bench.ablation", "effect of each heuristic, switched off", is_single=True),
-    "cycles": Script("bench.cycles", "landings beside those of Cycles"),
-    "farm": Script("bench.farm", "files for shows, as other programs read them", FARM),
+    "cycles": Script("bench.cycles", "landings compared with Cycles"),
+    "farm": Script("bench.farm", "warp maps, jobs and movies in other programs", FARM),
     "kernel": Script("check_kernel", "the kernel for Windows and Arm: the same bits"),
     "fuzz": Script("fuzz.run", "random rigs, broken and wild ones among them"),
-    "paper": Script("paper.results", "the paper's results beside Kiriko's, into out/paper/"),
+    "paper": Script("paper.results", "the paper's results next to Kiriko's, into out/paper/"),
     "pictures": Script("pictures", "render the README's pictures into docs/pictures/"),
     "manual": Script("manual.run", "the manual's site, and its screenshots", MANUAL),
     "clicks": Script("manual.clicks", "count the clicks to a picture in Blender", MANUAL),
-    "shown": Script("manual.shown", "Show Window beside the exported file", MANUAL),
-    "messages": Script("messages", "every sentence that people read", PLAIN),
-    "languages": Script("languages", "texts that a language of the interface lacks"),
+    "shown": Script("manual.shown", "Show Window compared with the exported file", MANUAL),
+    "messages": Script("messages", "every text of the interface", PLAIN),
+    "languages": Script("languages", "missing and unused translations"),
     "house": Script("house", "figures of code and words; --files: what is where", PLAIN),
 }
 
