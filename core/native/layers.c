@@ -26,7 +26,7 @@ typedef struct {
     Hit *hit;
 } Search;
 
-/* Whether a hit is true, by the sides of its face (decision 1 in docs/design.md). is_wrong: the hit is impossible. */
+/* Whether a hit is true, by the sides of its face (docs/decisions/01-true-hits.md). is_wrong: the hit is impossible. */
 static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     Sides *sides = search->sides;
     const Plan *plan = sides->plan;

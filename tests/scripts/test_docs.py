@@ -105,7 +105,7 @@ def test_documents_named_in_the_code_exist():
         f"{path.relative_to(ROOT)}: {name}"
         for folder in ("core", "operators", "panels", "scripts", "tests")
         for path in sorted((ROOT / folder).rglob("*"))
-        if path.suffix == ".py"
+        if path.suffix in (".py", ".c", ".h")
         for name in re.findall(r"docs/[\w/-]+\.(?:md|json|svg)", path.read_text(encoding="utf-8"))
         if not Path(ROOT, name).exists()
     ]
