@@ -347,7 +347,7 @@ TAIL = 0.06  # of the rig's size: so far light that leaves to nowhere is drawn
 REACH = 0.5  # of it: so far off the plate or the display may be passed by
 LEAST_LOST = 0.005  # of the picture: a smaller part of it that is lost gets no words
 OUT_OF_VIEW = Message("outside the viewer's frame")
-AERIAL = Message("aerial plane")
+AERIAL = Message("mid-air image of the display")
 
 
 class Line(NamedTuple):

@@ -12,7 +12,7 @@ import bpy
 from ...core.base.messages import Message
 from ...operators import sketcher, telling
 from ...operators.sketcher import SketchDrawing
-from . import batches, colours, lines, overlay_text
+from . import batches, colours, lines, overlay_text, pointer
 from .view_handlers import ViewHandlers
 
 _failed: list[str] = []  # reasons why it is not drawn any more, until Kiriko is enabled anew
@@ -63,6 +63,7 @@ _handlers = ViewHandlers(POST_VIEW=draw_in_space, POST_PIXEL=draw_in_pixels)
 def register() -> None:
     """Begin to draw."""
     _failed.clear()
+    pointer.register()
     _handlers.begin()
     bpy.types.VIEW3D_PT_overlay.append(draw_toggle)
 
@@ -71,4 +72,5 @@ def unregister() -> None:
     """Draw no more."""
     bpy.types.VIEW3D_PT_overlay.remove(draw_toggle)
     _handlers.end()
+    pointer.unregister()
     batches.forget()

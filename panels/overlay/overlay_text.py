@@ -10,17 +10,16 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ...core.base.arrays import Floats
-from ...core.blender.data.rigs import active_rig
+from ...core.base.messages import Message
 from ...core.blender.data.units import length_of_unit, length_text
 from ...operators.sketcher import SketchDrawing
 from ...operators.telling import in_words
 from . import colours
-from .rig_shapes import arrows_of, labels_of, marks_of
+from .label_layout import Sized, box_for, controls_of
+from .pointer import parts_of, pointed_at
+from .rig_shapes import Label, arrows_of, labels_of, marks_of
 
 FONT = 0
-GAP_PX = 8  # between a place and its words
-NAME_PX = 10  # the same of a name that Blender writes, at any scale
-LINE = 1.35  # of the height of letters: from line to line
 CROSS_PX = 5  # half of a cross
 DOT_PX = 3.5  # radius
 ARROW_PX = 8, 2.5  # length of an arrowhead, and half its width
@@ -51,22 +50,24 @@ def draw(context: bpy.types.Context, drawing: SketchDrawing, alpha: float) -> No
 def _draw_words(
     context: bpy.types.Context, drawing: SketchDrawing, scale: float, alpha: float
 ) -> None:
-    """Draw words beside their places, none over others; the same words twice only far apart."""
+    """Draw labels and the names of parts, none over others."""
     blf.enable(FONT, blf.SHADOW)
     blf.shadow(FONT, 5, *colours.SHADOW, 1.0)
     blf.shadow_offset(FONT, 0, 0)
-    taken = list(_draw_names(context, scale))
     size = colours.TEXT_PX * scale
     blf.size(FONT, size)
+    obstacles = controls_of(context)._replace(pictures=tuple(_picture_boxes(context, drawing)))
+    taken: list[tuple[str, Floats]] = []
 
-    for label in labels_of(drawing):
+    for label in [*labels_of(drawing), *_names(context)]:
         place = _on_screen(context, label.place[None])
         if place is None:
             continue
         text = in_words(label.text)
         if label.length is not None:
             text = length_text(context.scene, length_now(context.scene, drawing, label.length))
-        box = _free_box(place[0], np.array(blf.dimensions(FONT, text)), size, scale, text, taken)
+        extent = np.array([blf.dimensions(FONT, text)[0], size])
+        box = box_for(Sized(text, place[0], extent), taken, obstacles, scale)
         if box is None:
             continue
         taken.append((text, box))
@@ -76,28 +77,22 @@ def _draw_words(
     blf.disable(FONT, blf.SHADOW)
 
 
-def _draw_names(context: bpy.types.Context, scale: float) -> Iterator[tuple[str, Floats]]:
-    """Draw the names of the rig's parts once more, light, over Blender's own, which are dark as the
-    grid; yields them with their boxes.
-    """
-    size = context.preferences.ui_styles[0].widget.points * scale
-    blf.size(FONT, size)
-    for name, place in names_of(context.scene):
-        at = _on_screen(context, place[None])
-        if at is not None:
-            low = at[0] + (NAME_PX, 0.0)
-            blf.color(FONT, *colours.lighter(colours.DIMENSION), 1.0)
-            blf.position(FONT, *low, 0)
-            blf.draw(FONT, name)
-            yield name, np.stack([low, low + np.array([blf.dimensions(FONT, name)[0], size])])
+def _picture_boxes(context: bpy.types.Context, drawing: SketchDrawing) -> Iterator[Floats]:
+    """The box (2, 2) px around the outline of the picture."""
+    lines = [line.points for line in drawing.sketch.lines if line.state == "picture"]
+    if lines:
+        ends = _on_screen(context, np.concatenate(lines) / drawing.metres)
+        if ends is not None:
+            yield np.stack([ends.min(axis=0), ends.max(axis=0)])
 
 
-def names_of(scene: bpy.types.Scene) -> Iterator[tuple[str, Floats]]:
-    """Names of the active rig's parts that Blender shows, and their places (3,), Blender units."""
-    rig = active_rig(scene)
-    for thing in rig.all_objects if rig is not None else ():
-        if thing.show_name and thing.kiriko.role != "NONE" and thing.visible_get():
-            yield thing.name, np.array(thing.matrix_world.translation)
+def _names(context: bpy.types.Context) -> Iterator[Label]:
+    """The names of parts that are selected or under the pointer, if Blender shows no own."""
+    pointed = pointed_at(context.region)
+    for thing in parts_of(context.scene):
+        if (thing.select_get() or thing.name == pointed) and not thing.show_name:
+            place = np.array(thing.matrix_world.translation)
+            yield Label(place, Message("{name}", name=thing.name), None, colours.DIMENSION)
 
 
 def length_now(scene: bpy.types.Scene, drawing: SketchDrawing, length: float) -> float:
@@ -105,35 +100,6 @@ def length_now(scene: bpy.types.Scene, drawing: SketchDrawing, length: float) ->
     drawing may have been made before the unit was changed.
     """
     return length * length_of_unit(scene) / drawing.metres
-
-
-def _free_box(
-    place: Floats, extent: Floats, size: float, scale: float, text: str, taken: list
-) -> Floats | None:
-    """A box (2, 2) px for words beside a place, free of those that are taken; None where the
-    same words stand there already.
-    """
-    for lines in _tries():
-        low = place + np.array([GAP_PX, GAP_PX / 2]) * scale
-        low[1] += lines * LINE * size
-        box = np.stack([low, low + np.array([extent[0], size])])
-        over = [words for words, other in taken if _overlap(box, other)]
-        if text in over:
-            return None
-        if not over:
-            return box
-    return None
-
-
-def _tries() -> Iterator[int]:
-    """Lines by which words are moved up or down, nearest first."""
-    yield 0
-    for n in range(1, 5):
-        yield from (-n, n)
-
-
-def _overlap(a: Floats, b: Floats) -> bool:
-    return bool((a[0] < b[1]).all() and (b[0] < a[1]).all())
 
 
 def _on_screen(context: bpy.types.Context, places: Floats) -> Floats | None:

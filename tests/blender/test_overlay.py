@@ -275,7 +275,9 @@ def test_it_is_drawn_in_the_colours_of_its_light(sketcher, overlay):
 
 
 def test_words_are_distances_in_the_scenes_unit_and_reasons(sketcher, overlay, monkeypatch):
-    """Each where it belongs, the same words once where they would stand over each other."""
+    """Each where it belongs, the same words once if they would be at one place. Names are those of
+    parts that are selected or under the pointer.
+    """
     bpy.context.scene.unit_settings.length_unit = "MILLIMETERS"
     rig = small_rig(distance=0.15)
     monkeypatch.setattr(
@@ -283,23 +285,32 @@ def test_words_are_distances_in_the_scenes_unit_and_reasons(sketcher, overlay, m
         "location_3d_to_region_2d",
         lambda region, data, place: Flat(place),
     )
+    text = overlay.overlay_text
+    whole = np.array([[-1e4, -1e4], [1e4, 1e4]])
+    monkeypatch.setattr(
+        text, "controls_of", lambda _: overlay.label_layout.Obstacles((), (), whole)
+    )
+    select(rig["PLATE"])
     looked(sketcher)
     drawn(overlay)
-    names = ["Kiriko Display", "Kiriko Picture", "Kiriko Plate"]  # light, over Blender's dark ones
-    assert sorted(PAPER.words) == ["150 mm", "150 mm", *names, "aerial plane"]
+    aerial = "mid-air image of the display"
+    assert sorted(PAPER.words) == ["150 mm", "150 mm", "Kiriko Plate", aerial]
+    monkeypatch.setattr(text, "pointed_at", lambda region: "Kiriko Display")
+    drawn(overlay)
+    assert sorted(PAPER.words) == ["150 mm", "150 mm", "Kiriko Display", "Kiriko Plate", aerial]
 
     # a smaller unit counts at once, for the drawing of before, too
     units = bpy.context.scene.unit_settings
     units.scale_length = 0.01
     drawn(overlay)
-    assert sorted(PAPER.words) == ["1.5 mm", "1.5 mm", *names, "aerial plane"]
+    assert sorted(PAPER.words) == ["1.5 mm", "1.5 mm", "Kiriko Display", "Kiriko Plate", aerial]
     units.scale_length = 1.0
-    rig["DISPLAY"].show_name = False
-    rig["PICTURE"].hide_viewport = True
+    rig["DISPLAY"].show_name = True  # by Blender itself
+    rig["PLATE"].hide_viewport = True
     bpy.context.view_layer.update()
     drawn(overlay)
-    assert [word for word in PAPER.words if word in names] == ["Kiriko Plate"]
-    rig["PICTURE"].hide_viewport = False
+    assert not [word for word in PAPER.words if word.startswith("Kiriko")]
+    rig["PLATE"].hide_viewport = False
 
     rig["PLATE"].scale = (0.02, 0.02, 0.02)
     looked(sketcher)
@@ -330,6 +341,65 @@ def test_nothing_is_drawn_where_it_is_not_asked_for(sketcher, overlay, monkeypat
     show_scene(mine)
     monkeypatch.setattr(sketcher, "is_looked_at", lambda area: False)
     assert not drawn(overlay)
+
+
+def select(*things: bpy.types.Object) -> None:
+    for thing in bpy.context.scene.objects:
+        thing.select_set(thing in things)
+
+
+def test_labels_cover_nothing(kiriko):
+    """Not each other, the navigation gizmo, or the picture; they stay within the free region. The
+    picture is covered if its surroundings are not free. The same words are not written twice.
+    """
+    layout = loaded("panels.overlay.label_layout")
+    free = np.array([[0.0, 0.0], [400.0, 300.0]])
+    gizmo = np.array([[300.0, 200.0], [400.0, 300.0]])
+    picture = np.array([[100.0, 100.0], [250.0, 200.0]])
+    obstacles = layout.Obstacles((gizmo,), (picture,), free)
+    generator = np.random.default_rng(1)
+    taken: list = []
+    for n in range(60):
+        place = generator.uniform((-50, -50), (450, 350))
+        label = layout.Sized(f"label {n}", place, np.array([60.0, 12.0]))
+        box = layout.box_for(label, taken, obstacles, 1.0)
+        if box is None:
+            continue
+        assert not any(layout._overlap(box, other) for other in (gizmo, *(b for _, b in taken)))
+        assert (box >= free[0]).all()
+        assert (box <= free[1]).all()
+        taken.append((label.text, box))
+    assert len(taken) > 15
+
+    at = layout.Sized("name", picture.mean(axis=0), np.array([60.0, 12.0]))
+    box = layout.box_for(at, [], obstacles, 1.0)
+    assert not layout._overlap(box, picture)
+    assert layout.box_for(at, [("name", box)], obstacles, 1.0) is None
+    all_of_it = layout.Obstacles((), (free,), free)
+    assert layout.box_for(at, [], all_of_it, 1.0) is not None
+
+
+@pytest.mark.parametrize(
+    ("y", "z", "name"), [(0.0, 0.0, "Small"), (0.03, 0.0, "Large"), (9, 9, "")]
+)
+def test_the_part_under_the_pointer_is_the_smallest_there(
+    scene, kiriko, monkeypatch, y: float, z: float, name: str
+):
+    """Seen from x, a small box before or in a large one."""
+    pointer = loaded("panels.overlay.pointer")
+    rig = bpy.data.collections.new("rig")
+    scene.collection.children.link(rig)
+    for size, label in ((0.1, "Large"), (0.02, "Small")):
+        thing = bpy.data.objects.new(label, primitive("cube", size=size))
+        thing.kiriko.role = "GLASS"
+        rig.objects.link(thing)
+    bpy.context.view_layer.update()
+    monkeypatch.setattr(pointer, "active_rig", lambda scene: rig)
+    monkeypatch.setattr(
+        pointer, "location_3d_to_region_2d", lambda region, data, place: Flat(place)
+    )
+    context = SimpleNamespace(scene=scene, region=None, region_data=None)
+    assert pointer.part_at(context, np.array(Flat((0, y, z)))) == name
 
 
 def test_glass_is_outlined_in_a_view_through_the_viewer(sketcher, overlay, monkeypatch):

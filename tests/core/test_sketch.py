@@ -62,7 +62,7 @@ def test_corners_and_middle_are_looked_at_straight():
         assert np.abs(np.cross(first - start, corner - start)).max() < 1e-12
         assert way.has_arrived
     assert not len(sketch.light.hatch)
-    assert [note.text for note in sketch.notes] == ["aerial plane"]
+    assert [note.text for note in sketch.notes] == ["mid-air image of the display"]
 
 
 def test_the_lost_half_is_hatched_and_only_that():

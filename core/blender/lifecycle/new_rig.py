@@ -319,9 +319,7 @@ def _make_parts(
     where = proposal.placement
     if where.plate is not None:
         make_plate(made, in_units(where.plate, metres), proposal.plate / metres)
-    picture = make_picture(made, in_units(where.picture, metres), proposal.picture / metres)
-    if where.plate is None:  # the display has the same middle, and one name would cover the other
-        picture.show_name = False
+    make_picture(made, in_units(where.picture, metres), proposal.picture / metres)
     make_display(made, in_units(where.display, metres), proposal.display / metres, pixels)
 
 

@@ -24,7 +24,7 @@ PLATE_NAME = Message("Kiriko Plate")
 def make_plate(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
     """A square plate."""
     plate = made.rectangle(PLATE_NAME, frame, side, side)
-    plate.kiriko.role, plate.show_name = "PLATE", True
+    plate.kiriko.role = "PLATE"
     plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
     return plate
 
@@ -32,7 +32,7 @@ def make_plate(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
 def make_picture(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
     """A square picture, of the lattice."""
     picture = made.rectangle("Kiriko Picture", frame, side, side)
-    picture.kiriko.role, picture.show_in_front, picture.show_name = "PICTURE", True, True
+    picture.kiriko.role, picture.show_in_front = "PICTURE", True
     image = made.keep(packed_image("Kiriko Lattice", lattice_file()))
     picture.data.materials.append(
         made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image))
@@ -57,7 +57,6 @@ def make_display(
     columns, rows = pixels
     display = made.rectangle("Kiriko Display", frame, width, width * rows / columns)
     display.kiriko.role, display.kiriko.resolution = "DISPLAY", pixels
-    display.show_name = True
     display.data.materials.append(made.material("Kiriko Display", be_seen_as_screen))
     return display
 

@@ -1,0 +1,103 @@
+"""Places of labels over a viewport: not on each other, nor on Blender's own controls, nor on the
+picture if there is another place.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ...core.base.arrays import Floats
+from ...operators.framing import window_of
+
+GAP_PX = 8  # between a place and its label
+LINE = 1.35  # of the height of letters, from line to line
+N_LINES = 4  # up and down that a label moves at most
+# Blender's navigation gizmo and, below it, its buttons, at the upper right; its text at the left
+BUTTONS_PX = 50, 160
+TEXT_INFO_PX = 250, 60
+GIZMO_MARGIN_PX = 20
+
+
+class Obstacles(NamedTuple):
+    """Boxes (2, 2) px that labels avoid, those of the picture if they can, and the box (2, 2) of
+    the region that nothing covers.
+    """
+
+    fixed: tuple[Floats, ...]
+    pictures: tuple[Floats, ...]
+    free: Floats
+
+
+class Sized(NamedTuple):
+    """A label's extent (2,) px, at a place (2,)."""
+
+    text: str
+    place: Floats
+    extent: Floats
+
+
+def controls_of(context: bpy.types.Context) -> Obstacles:
+    """The free part of a viewport's region, and Blender's controls within."""
+    window = window_of(context.area)
+    free = np.array(
+        [
+            [window.left, window.bottom],
+            [window.width - window.right, window.height - window.top],
+        ],
+        float,
+    )
+    view, space = context.preferences.view, context.space_data
+    scale = context.preferences.system.ui_scale
+    (left, _), (right, top) = free
+    fixed = []
+    if space.show_gizmo and space.show_gizmo_navigate:
+        side = (view.gizmo_size_navigate_v3d + GIZMO_MARGIN_PX) * scale
+        width, height = np.multiply(BUTTONS_PX, scale)
+        fixed.append(np.array([[right - side, top - side], [right, top]]))
+        fixed.append(np.array([[right - width, top - side - height], [right, top - side]]))
+    if space.overlay.show_text:
+        width, height = np.multiply(TEXT_INFO_PX, scale)
+        fixed.append(np.array([[left, top - height], [left + width, top]]))
+    return Obstacles(tuple(fixed), (), free)
+
+
+def box_for(
+    label: Sized, taken: list[tuple[str, Floats]], obstacles: Obstacles, scale: float
+) -> Floats | None:
+    """A free box (2, 2) px for a label next to its place; None if there is none, or the same words
+    are there already.
+    """
+    for avoided in (obstacles.pictures, ()):
+        for box in _tries(label, avoided, scale):
+            if not (box[0] >= obstacles.free[0]).all() or not (box[1] <= obstacles.free[1]).all():
+                continue
+            over = [words for words, other in taken if _overlap(box, other)]
+            if label.text in over:
+                return None
+            if not over and not any(_overlap(box, other) for other in (*obstacles.fixed, *avoided)):
+                return box
+    return None
+
+
+def _tries(label: Sized, avoided: tuple[Floats, ...], scale: float) -> Iterator[Floats]:
+    """Boxes next to a place, the nearest first; then those above and below what is avoided."""
+    gap = GAP_PX * scale
+    width, height = label.extent
+    for n in range(N_LINES + 1):
+        for up in {n, -n}:
+            y = label.place[1] + gap / 2 + up * LINE * height
+            for x in (label.place[0] + gap, label.place[0] - gap - width):
+                yield _box(x, y, label.extent)
+    for box in avoided:
+        for y in (box[1, 1] + gap, box[0, 1] - gap - height):
+            yield _box(label.place[0] - width / 2, y, label.extent)
+
+
+def _box(x: float, y: float, extent: Floats) -> Floats:
+    return np.array([[x, y], [x + extent[0], y + extent[1]]])
+
+
+def _overlap(a: Floats, b: Floats) -> bool:
+    return bool((a[0] < b[1]).all() and (b[0] < a[1]).all())
