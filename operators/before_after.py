@@ -111,12 +111,9 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
             self.end_with(context)
             use_bundled_modules()
             path = self.path()
-            may_replace = (
-                self.overwrite or self.is_in_dialogue or context.scene.kiriko.export_overwrite
-            )
-            if disk.is_there(path) and not may_replace:
+            if disk.is_there(path) and not (self.overwrite or self.is_in_dialogue):
                 raise ImageError(
-                    "The file '{path}' is there already: choose another or set Overwrite.",
+                    "The file '{path}' exists already: choose another name or allow overwriting.",
                     path=path,
                 )
 

@@ -13,7 +13,14 @@ from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message, as_message, joined
 from ..core.blender.data.image import or_none
 from ..core.blender.data.image_file import as_seen, check_whole, notes_on
-from ..core.blender.data.moving import Timing, at_frame, number_at, rate_of, sequence_of
+from ..core.blender.data.moving import (
+    Timing,
+    at_frame,
+    number_at,
+    numbered_next_to,
+    rate_of,
+    sequence_of,
+)
 from ..core.blender.data.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.read import plane
 from ..core.blender.read import plane as blender_plane
@@ -155,10 +162,12 @@ class ChoosePicture:
         material = (
             Message(", by the new material '{material}'", material=new[0].name) if new else ""
         )
+        n = 0 if timing is None else timing.frame_duration
         text = Message(
-            "The picture '{picture}' is '{image}' now{material}",
+            "The picture '{picture}' is '{image}' now{frames}{material}",
             picture=picture.name,
             image=image.name,
+            frames=Message(", a sequence of {n} frames", n=n) if n else "",
             material=material,
         )
         result = context.scene.kiriko.result
@@ -228,9 +237,21 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
     filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    # of the file browser, by its own numbers
+    display_type: bpy.props.EnumProperty(
+        items=[("DEFAULT", "", "", 0), ("THUMBNAIL", "", "", 3)],
+        default="THUMBNAIL",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
+    detect_sequences: bpy.props.BoolProperty(
+        name="Detect Sequences",
+        description="Open the consecutively numbered files around the chosen one as its frames",
+        options={"SKIP_SAVE"},
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self.begin_with(context.scene)
+        self.detect_sequences = True
         image = blender_plane.image_of(the_picture(context))
         if image is not None and image.filepath:  # other pictures are most likely beside it
             file = Path(bpy.path.abspath(image.filepath, library=image.library))
@@ -242,7 +263,8 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
         with telling.errors_reported(self):
             self.end_with(context)
             known = set(bpy.data.images)
-            image, timing = _opened(context, self.filepath, [file.name for file in self.files])
+            names = [file.name for file in self.files]
+            image, timing = _opened(context, self.filepath, names, self.detect_sequences)
             if image in known:
                 self.choose(context, image, timing)
             else:
@@ -253,11 +275,13 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
 
 
 def _opened(
-    context: bpy.types.Context, filepath: str, names: list[str]
+    context: bpy.types.Context, filepath: str, names: list[str], is_sequence: bool = False
 ) -> tuple[bpy.types.Image, Timing | None]:
-    """The image of a file, or of several of one folder, which are a sequence then, and its timing.
+    """The image of a file or of a sequence of files in one folder, and its timing.
 
-    As Blender's own Open has it: loaded once, by a path as the preferences want it.
+    As in Blender's own Open it is loaded once, by a path as the preferences want it.
+
+    is_sequence : look for more frames around a single numbered file
     """
     if not is_chosen(filepath):
         raise ImageError("No file is chosen: choose an image.")
@@ -265,6 +289,9 @@ def _opened(
     file, timing = absolute(filepath), None
     # where all were selected and none was clicked, the path is that of the folder alone
     files = [(file if file.is_dir() else file.parent) / name for name in names]
+    alone = (files or [file])[0]
+    if is_sequence and len(files) < 2 and alone.suffix.lower() not in bpy.path.extensions_movie:
+        files = numbered_next_to(alone) or files
     if len(files) > 1:
         file, timing = sequence_of(files)
     elif files and file.is_dir():

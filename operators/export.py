@@ -10,6 +10,7 @@ from ..core.blender.data.image import pixels_from_image
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from ..core.blender.data.reports import said_by
 from ..core.blender.data.stored_records import StoredNumbers
+from ..core.blender.properties.rig_settings import EXPORT_FORMATS
 from ..core.files import disk, image_io
 from . import needed, telling, watch
 from .choose_rig import EndsWithRig
@@ -93,7 +94,15 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         options={"SKIP_SAVE", "HIDDEN"},
     )
 
+    form: bpy.props.EnumProperty(
+        name="Format",
+        description="File format and bit depth",
+        items=EXPORT_FORMATS,
+        options={"SKIP_SAVE"},
+    )
+
     is_in_dialogue = is_to_ask = False
+    named_form = ""  # by which the name in the dialogue was completed
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -126,15 +135,14 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
             if is_asked:
                 path = self.filepath or ours.export_path
                 path = Path(path).name or "source" if is_nowhere else absolute(path)
-                self.filepath = str(
-                    image_io.named_for(path, self._form(context), bpy.path.extensions_image)
-                )
+                self.form = self.named_form = self._form(context)
+                self.filepath = self._named(path)
                 self.is_in_dialogue = True
                 context.window_manager.fileselect_add(self)
                 return {"RUNNING_MODAL"}
 
             path = target(self.filepath or ours.export_path, self._form(context))
-            is_taken = disk.is_there(path) and not (self.overwrite or ours.export_overwrite)
+            is_taken = disk.is_there(path) and not self.overwrite
 
             # only an answer of yes leads to execute
             self.overwrite |= is_taken
@@ -166,17 +174,27 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         return {"CANCELLED"}
 
     def check(self, context: bpy.types.Context) -> bool:
-        """Called by the file dialogue: complete the name as it
-        will be written, so that one that is taken is red.
+        """Complete the name in the file dialogue, so that the name of an existing file is red. A
+        suffix that is typed chooses the format, and a format that is chosen sets the suffix.
         """
         if not Path(self.filepath).name:
             return False
-        named = str(
-            image_io.named_for(self.filepath, self._form(context), bpy.path.extensions_image)
-        )
-        is_other = named != self.filepath
-        self.filepath = named
-        return is_other
+        before = self.filepath, self.form
+        if self.form == self.named_form:
+            self.form = self._form(context)
+        self.filepath, self.named_form = self._named(self.filepath), self.form
+        return before != (self.filepath, self.form)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "form")
+        for reason in unwritable(self.form):
+            layout.label(text=telling.in_words(reason), icon="ERROR", translate=False)
+
+    def _named(self, path: str) -> str:
+        """A path with the suffix of the format."""
+        return str(image_io.named_for(path, self.form, bpy.path.extensions_image))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if self.is_to_ask:
@@ -205,7 +223,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                 form,
                 size=tuple(size) if size else None,
                 gamma=gamma_of(context.scene),
-                overwrite=self.overwrite or ours.export_overwrite or is_shown,
+                overwrite=self.overwrite or is_shown,
             )
 
             if self.is_in_dialogue and context.scene.is_editable:
@@ -218,7 +236,9 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         return {"CANCELLED"}
 
     def _form(self, context: bpy.types.Context) -> str:
-        return image_io.format_for(self.filepath, context.scene.kiriko.export_format)
+        is_given = self.is_in_dialogue or self.properties.is_property_set("form")
+        form = self.form if is_given else context.scene.kiriko.export_format
+        return image_io.format_for(self.filepath, form)
 
     def _ask_where(self) -> set[str]:
         """The old image is wanted: begin again, with that answer.

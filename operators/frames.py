@@ -488,15 +488,45 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
     bl_idname = "kiriko.export_movie"
     bl_label = "Export Movie"
 
-    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+    overwrite: bpy.props.BoolProperty(
+        name="Overwrite",
+        description="Replace the file if there is one already",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+
+    is_to_ask = False
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         ours = context.scene.kiriko
-        if not Path(ours.movie_path).name:
-            raise ImageError("The movie has no path: choose a file.")
-        wish = Wish(
-            absolute(ours.movie_path), ours.movie_codec, ours.movie_card, ours.export_overwrite
+        file = self._wish(context).file
+        if self.overwrite or not (Path(ours.movie_path).name and disk.is_there(file)):
+            return super().invoke(context, event)
+        self.is_to_ask = True
+        return context.window_manager.invoke_confirm(
+            self,
+            event,
+            title=Message("Replace the file?"),
+            message=str(file),
+            confirm_text="Replace",
         )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self.is_to_ask:
+            return super().execute(context)
+        # a dialogue's operator cannot go on in steps: another one can
+        bpy.ops.kiriko.export_movie("INVOKE_DEFAULT", overwrite=True, frames=self.frames)
+        return {"FINISHED"}
+
+    def _wish(self, context: bpy.types.Context) -> Wish:
+        ours = context.scene.kiriko
+        return Wish(absolute(ours.movie_path), ours.movie_codec, ours.movie_card, self.overwrite)
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        if not Path(context.scene.kiriko.movie_path).name:
+            raise ImageError("The movie has no path: choose a file.")
+        wish = self._wish(context)
         with self.run_of(context) as run, folder.made(wish.file.parent):
-            yield from made(context, run, wish, self.tally, Message("set Overwrite"))
+            yield from made(context, run, wish, self.tally, Message("allow overwriting"))
             remarks = self.tally.of_movies
             if warning := choose_picture.other_rate(context):
                 remarks.append(Message("But {warning}.", warning=warning))

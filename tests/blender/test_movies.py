@@ -295,9 +295,9 @@ def test_solve_animation_writes_what_the_panel_says(scene, tmp_path):
     ours.animation_anew = True  # which is of frames alone
     with pytest.raises(RuntimeError, match=r"film\.mkv already"):
         bpy.ops.kiriko.export_movie()
-    ours.animation_anew, ours.export_overwrite = False, True
+    ours.animation_anew = False
     before = (place / "a_001.png").stat().st_mtime_ns
-    assert bpy.ops.kiriko.export_movie() == {"FINISHED"}
+    assert bpy.ops.kiriko.export_movie(overwrite=True) == {"FINISHED"}
     assert (place / "a_001.png").stat().st_mtime_ns == before
     assert scene.frame_current == 7
     assert ours.result.source is None

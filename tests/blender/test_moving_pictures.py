@@ -3,6 +3,8 @@
 import itertools
 import json
 import re
+import shutil
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -169,9 +171,10 @@ def test_a_rig_shows_each_frame_of_a_movie_and_holds_its_last(scene, tmp_path, c
     assert over in capfd.readouterr().out
 
     ours = scene.kiriko
-    ours.animation_anew, ours.movie_codec, ours.export_overwrite = True, "FFV1", True
+    ours.animation_anew, ours.movie_codec = True, "FFV1"
     ours.movie_path = "//out/made"
-    for press in (bpy.ops.kiriko.solve_animation, bpy.ops.kiriko.export_movie):
+    to_movie = partial(bpy.ops.kiriko.export_movie, overwrite=True)
+    for press in (bpy.ops.kiriko.solve_animation, to_movie):
         assert press(frames="3-6") == {"FINISHED"}
         (level, told) = re.findall("(Info|Warning): (Wrote .*)", capfd.readouterr().out)[-1]
         assert level == "Warning"
@@ -287,6 +290,33 @@ def test_files_that_are_selected_together_are_a_sequence(scene, read, tmp_path):
         path = f"{tmp_path}/{clicked}"
         assert bpy.ops.kiriko.open_picture(filepath=path, files=chosen(names[1])) == {"FINISHED"}
         assert picture.kiriko.image.source == "FILE"
+
+
+def test_a_numbered_file_opens_its_sequence_if_detection_is_on(scene, tmp_path, capfd):
+    """The consecutive files around it, whichever is chosen; without detection, as in scripts by
+    default, and if nothing is next to it, it is one image.
+    """
+    picture = small_rig()["PICTURE"]
+    bpy.data.images.remove(sequence(tmp_path, first=7))
+    path = str(tmp_path / "clip_008.png")
+    for is_on, source in ((True, "SEQUENCE"), (False, "FILE")):
+        bpy.ops.kiriko.open_picture(filepath=path, detect_sequences=is_on)
+        assert picture.kiriko.image.source == source
+    assert f"{FRAMES} frames" in capfd.readouterr().out
+    bpy.ops.kiriko.open_picture(filepath=path, files=chosen("clip_008.png"), detect_sequences=True)
+    assert Path(picture.kiriko.image.filepath).name == "clip_007.png"
+
+    shutil.copy(path, tmp_path / "alone_3.png")
+    bpy.ops.kiriko.open_picture(filepath=str(tmp_path / "alone_3.png"), detect_sequences=True)
+    assert picture.kiriko.image.source == "FILE"
+
+
+def test_the_file_browser_shows_thumbnails(kiriko):
+    """`display_type` by the numbers of Blender's own."""
+    browser = bpy.types.FileSelectParams.bl_rna.properties["display_type"].enum_items
+    own = bpy.ops.kiriko.open_picture.get_rna_type().properties["display_type"]
+    assert own.default == "THUMBNAIL"
+    assert own.enum_items["THUMBNAIL"].value == browser["THUMBNAIL"].value
 
 
 @pytest.mark.parametrize(

@@ -211,9 +211,10 @@ class Chosen(SimpleNamespace):
     allow_stale = False
 
     def __init__(self, cls: type, filepath: str) -> None:
-        super().__init__(filepath=filepath, told=[])
+        super().__init__(filepath=filepath, told=[], form="PNG8", named_form="PNG8")
         self.report = lambda level, text: self.told.append((level, text))
         self._form = lambda context: cls._form(self, context)
+        self._named = lambda path: cls._named(self, path)
         self.end_with = lambda context: None  # it began with the rig that is active
 
 
@@ -230,9 +231,20 @@ def test_the_dialogue_completes_the_name_and_the_panel_follows(solved, tmp_path,
         ("a.b", "a.b.png"),
     ):
         chosen = Chosen(cls, str(tmp_path / typed))
-        assert cls.check(chosen, bpy.context) == (typed != named)
+        assert cls.check(chosen, bpy.context) == (
+            typed != named or named.endswith(".exr")
+        )  # whose format follows
         assert chosen.filepath == str(tmp_path / named)
         assert not cls.check(chosen, bpy.context)
+
+    chosen = Chosen(cls, str(tmp_path / "a.png"))
+    for form, name in (("EXR_HALF", "a.exr"), ("TIFF16", "a.tif"), ("PNG16", "a.png")):
+        chosen.form = form  # in the properties of the dialogue
+        assert cls.check(chosen, bpy.context)
+        assert (Path(chosen.filepath).name, chosen.form) == (name, form)
+    chosen.filepath = str(tmp_path / "b.exr")  # typed
+    assert cls.check(chosen, bpy.context)
+    assert chosen.form == "EXR_FLOAT"
 
     (tmp_path / "a.png").write_bytes(b"mine")
     hidden = Chosen(cls, str(tmp_path / "a"))

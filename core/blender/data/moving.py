@@ -273,6 +273,23 @@ def n_frames_of(image: bpy.types.Image) -> int:
     return n if stamp is not None and stamp == stamp_of(image, 1) else image.frame_duration
 
 
+def numbered_next_to(file: Path) -> list[Path]:
+    """The files of consecutive numbers around a numbered file, itself among them; none if it has no
+    number, or no other one is next to it.
+    """
+    digits = NAME.fullmatch(file.stem)[2]
+    try:
+        names = {one.name for one in file.parent.iterdir()} if digits else set()
+    except OSError:
+        names = set()
+    first = last = int(digits or 0)
+    while first > 0 and numbered(file, first - 1).name in names:
+        first -= 1
+    while numbered(file, last + 1).name in names:
+        last += 1
+    return [numbered(file, k) for k in range(first, last + 1)] if last > first else []
+
+
 def sequence_of(files: Collection[Path]) -> tuple[Path, Timing]:
     """The first of the files of a sequence, and the timing that shows it at the scene's frame 1,
     and each other one a frame later.
