@@ -110,7 +110,7 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
     """Make copies of the rig's parts, as by Shift D, a rig of their own, with the same settings"""
 
     bl_idname = "kiriko.part_copies"
-    bl_label = "Make the Copies a Rig"
+    bl_label = "Duplicate Rig"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod

@@ -150,7 +150,7 @@ class KIRIKO_OT_go_without_plate(bpy.types.Operator):
     """Have the rig be one without a plate, in which light goes straight from display to glass"""
 
     bl_idname = "kiriko.go_without_plate"
-    bl_label = "Go Without"
+    bl_label = "Remove Plate"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod

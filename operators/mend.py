@@ -194,7 +194,7 @@ class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
     """Recalculate the faces' normals, so that all look out of the glass"""
 
     bl_idname = "kiriko.turn_out"
-    bl_label = "Recalculate Outside"
+    bl_label = "Recalculate Normals"
 
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         _turn_out(mesh)

@@ -395,7 +395,7 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
     """Find the smallest turn of the glass that brings the lost part of the picture back, if any"""
 
     bl_idname = "kiriko.turn_back"
-    bl_label = "Turn It Back"
+    bl_label = "Rotate to Recover"
     bl_options = {"REGISTER", "UNDO"}
 
     limit: bpy.props.FloatProperty(

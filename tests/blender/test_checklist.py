@@ -82,7 +82,7 @@ def test_opaque_glass_is_made_glass(look: Callable[[], list]) -> None:
     parts = small_rig()
     parts["GLASS"].kiriko.use_ior = False
     bpy.context.view_layer.objects.active = parts["PLATE"]
-    press(look(), "'Cube' is no glass: its material does not refract.")
+    press(look(), "The material of 'Cube' isn't glass.")
     assert parts["GLASS"].material_slots[0].material.name == "Kiriko Glass"
     assert told(look()) == []
 
@@ -156,8 +156,8 @@ def test_a_hidden_part_is_shown(look: Callable[[], list]) -> None:
     entries = look()
     icons = {entry.text: entry.icon for entry in entries}
     assert icons == {
-        "The display 'Kiriko Display' is hidden by its monitor symbol: show it.": "ERROR",
-        "'thing' is hidden in renders by its camera symbol, and left out.": "INFO",
+        "The display 'Kiriko Display' is hidden in the viewport: show it.": "ERROR",
+        "'thing' is hidden in renders and ignored.": "INFO",
     }
     press(entries, "The display")
     press(entries, "'thing'")
@@ -165,7 +165,7 @@ def test_a_hidden_part_is_shown(look: Callable[[], list]) -> None:
     assert bpy.ops.kiriko.solve.poll()
 
 
-OPEN = "'Cube' is not closed: 8 edges (Select > All by Trait > Non Manifold)."
+OPEN = "'Cube' is not closed: 8 open edges (Select > All by Trait > Non Manifold)."
 
 
 @pytest.mark.parametrize("is_split", [False, True])
@@ -209,7 +209,7 @@ def test_faces_that_are_partly_twice_are_merged(look: Callable[[], list], n: int
     shape.free()
     glass_of(mesh)
     if n == 1:
-        press(look(), "not closed: 4 edges")
+        press(look(), "not closed: 4 open edges")
         assert len(mesh.polygons) == 6
     assert told(look()) == []
 
@@ -264,7 +264,7 @@ def test_faces_within_a_closed_body_are_no_gaps(look: Callable[[], list], kind: 
     shape.free()
     glass.data = mesh
     (entry,) = look()
-    assert entry.text.startswith("'Cube' has 1 face inside, which Kiriko leaves out")
+    assert entry.text.startswith("'Cube' has 1 interior face.")
     assert "Interior Faces" in entry.text
     bpy.ops.kiriko.solve()
     result = bpy.context.scene.kiriko.result
@@ -361,7 +361,7 @@ def test_flat_glass_gets_a_thickness(look: Callable[[], list]) -> None:
     assert told(look()) == []
     assert min(glass.dimensions) == pytest.approx(0.1 * max(glass.dimensions), rel=1e-3)
     glass.scale[2] = 0
-    press(look(), "'Cube' is scaled to nothing: Object > Clear > Scale.")
+    press(look(), "'Cube' has a scale of zero. Use Object > Clear > Scale.")
     bpy.ops.object.scale_clear()
     assert told(look()) == []
 
@@ -370,7 +370,7 @@ def test_glass_whose_faces_look_inwards_is_turned(look: Callable[[], list]) -> N
     """Closed glass needs no such thing: Kiriko finds its inside. Cycles does not: whoever looks
     through the viewer is told.
     """
-    words = "The faces of 'Cube' look into the glass."
+    words = "The normals of 'Cube' point inward."
     mesh = primitive("cube", size=SIDE)
     mesh.flip_normals()
     glass_of(mesh)
@@ -403,7 +403,7 @@ def test_a_part_whose_place_is_no_number_is_refused(look: Callable[[], list], se
     setattr(glass, setting, [nan, *getattr(glass, setting)[1:]])
     bpy.context.view_layer.update()
     assert look() == []
-    with pytest.raises(RuntimeError, match="of 'Cube' is no number, or too large: reset it"):
+    with pytest.raises(RuntimeError, match="of 'Cube' is invalid or too large"):
         bpy.ops.kiriko.solve()
 
 
@@ -412,7 +412,7 @@ def test_two_displays_are_one_too_many(look: Callable[[], list]) -> None:
     small_rig()
     other = new_object(primitive("grid", x_segments=1, y_segments=1, size=1), "DISPLAY")
     entries = look()
-    assert "2 objects with the role Display" in " ".join(told(entries))
+    assert "2 objects have the role Display" in " ".join(told(entries))
     (entry,) = (e for e in entries if "2 objects" in e.text)
     names = [dict(button.properties)["part"] for button in entry.buttons]
     press(entries, "2 objects", names.index(other.name))
@@ -526,7 +526,7 @@ def test_a_loss_that_nothing_near_by_mends_asks_to_turn_the_glass(core: ModuleTy
         "30 % of the picture missed the plate: make the plate 20 mm larger (99 % arrives)."
     )
     assert [button.operator for button in plate.buttons] == ["kiriko.fit_plate"]
-    assert glass.text == "10 % of the picture missed the glass: turn the glass."
+    assert glass.text == "10 % of the picture missed the glass: rotate the glass."
     assert [button.operator for button in glass.buttons] == ["kiriko.turn_back"]
 
 
@@ -820,7 +820,10 @@ def test_a_viewer_that_was_deleted_is_made_anew_beside_other_cameras(
     scene.collection.children[0].objects.unlink(viewer)
     (entry,) = look()
     assert entry.text == "No viewer: choose a camera."
-    assert [str(button.label) for button in entry.buttons] == ["Make a Viewer", "Use 'Camera'"]
+    assert [str(button.label) for button in entry.buttons] == [
+        "Make a Viewer",
+        "Use 'Camera' as Viewer",
+    ]
 
     press([entry], "No viewer")
     assert scene.kiriko.viewer not in (None, viewer, scene.camera)
@@ -854,7 +857,10 @@ def test_glass_that_is_gone_may_be_another_object(
     bpy.context.view_layer.objects.active = ball
     bpy.context.view_layer.update()
     (entry,) = look()
-    assert [str(button.label) for button in entry.buttons] == ["Use 'thing.001'", "Use 'thing'"]
+    assert [str(button.label) for button in entry.buttons] == [
+        "Add 'thing.001' to Rig",
+        "Add 'thing' to Rig",
+    ]
     press([entry], "No glass")
     assert ball.kiriko.role == "GLASS"
     assert not [text for text in told(look()) if "No " in text]

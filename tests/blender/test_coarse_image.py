@@ -82,7 +82,7 @@ def test_a_coarse_image_is_shown_before_the_end(rig: dict, window: Window, shown
     step(operator, window, shown)
 
     assert is_of_coarse(shown[0])
-    assert "'Mine' of the display" in scene.kiriko.result.notes
+    assert "'Mine' of 'Kiriko Display'" in scene.kiriko.result.notes
     assert "Esc keeps it" in window.status
     to_the_end(operator, window)
 
@@ -92,8 +92,7 @@ def test_a_coarse_image_is_shown_before_the_end(rig: dict, window: Window, shown
     assert not scene.kiriko.result.is_coarse
 
     gave_way = (
-        f"'Mine' of the display 'Kiriko Display' gave way to"
-        f" '{rig['DISPLAY'].active_material.name}'."
+        f"'Mine' of 'Kiriko Display' was replaced by '{rig['DISPLAY'].active_material.name}'."
     )
 
     assert gave_way in scene.kiriko.result.notes

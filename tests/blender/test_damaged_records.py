@@ -74,8 +74,8 @@ def test_unreadable_marks_are_reported_once(
     for _ in range(2):
         bpy.ops.kiriko.solve()
     assert [text for text in reports if "damaged on 29 November" in text] == [
-        "Kiriko ignores a record in this file that is damaged or comes from another version:"
-        " damaged on 29 November"
+        "Kiriko ignores a damaged record, or one of another version, in this file: damaged on 29"
+        " November"
     ]
 
 

@@ -66,9 +66,9 @@ def by_collection_around(thing: bpy.types.Object) -> None:
 
 
 WAYS = {
-    by_eye: " by its eye symbol (H)",
-    by_monitor: " by its monitor symbol",
-    by_camera: " in renders by its camera symbol",
+    by_eye: " in the viewport",
+    by_monitor: " in the viewport",
+    by_camera: " in renders",
     by_eye_of_collection: " with its collection 'drawer' in the viewport",
     by_monitor_of_collection: " with its collection 'drawer' in the viewport",
     by_camera_of_collection: " with its collection 'drawer' in renders",
@@ -178,7 +178,7 @@ def test_a_part_it_can_do_without(
     other.location = 0.03, 0, 0
     way(other)
     bpy.ops.kiriko.solve()
-    note = f"'{other.name}' has the role Glass but is hidden{WAYS[way]}: left out."
+    note = f"'{other.name}' is hidden{WAYS[way]} and ignored."
 
     assert scene.kiriko.result.summary == before[0]
     assert scene.kiriko.result.notes.splitlines() == [note, *before[1].splitlines()]
@@ -245,7 +245,7 @@ def test_an_object_that_a_driver_hides_stays_as_it_is(scene: bpy.types.Scene) ->
     by_monitor_of_collection(part)
     part.driver_add("hide_viewport").driver.expression = "1"
     bpy.context.view_layer.update()
-    with pytest.raises(RuntimeError, match=r"'Kiriko Plate' stays hidden by its monitor symbol"):
+    with pytest.raises(RuntimeError, match=r"'Kiriko Plate' stays hidden in the viewport"):
         bpy.ops.kiriko.show_part(part=part.name)
     assert bpy.data.collections["drawer"].hide_viewport
 
@@ -284,8 +284,7 @@ def test_add_rig(scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
 
     with pytest.raises(
         RuntimeError,
-        match=r"'thing' is hidden .* and cannot be glass: show it, or"
-        r" deselect it\.",
+        match=r"'thing' is hidden .*\. Show it, or deselect it\.",
     ):
         bpy.ops.kiriko.add_rig(viewer_resolution=64)
 

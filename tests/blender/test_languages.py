@@ -171,7 +171,7 @@ def test_a_result_solved_in_english_reads_japanese(drawn, scene, in_japanese):
     assert scene.kiriko.result.notes
 
     texts = [text for thing in parts.values() for text in shown_texts(drawn, thing)]
-    assert any("ピンホール" in text for text in texts)
+    assert any("被写界深度" in text for text in texts)
     assert not english_in(texts, in_japanese)
 
 
@@ -186,7 +186,7 @@ def test_before_and_right_after_add_rig(drawn, scene, in_japanese):
 def test_errors_come_in_the_language_of_reports(scene, in_japanese):
     """An operator that fails says so in Japanese, to an artist and to a script."""
     small_rig()["GLASS"].hide_viewport = True
-    with pytest.raises(RuntimeError, match="ガラス「Cube」がモニターのアイコンにより非表示です"):
+    with pytest.raises(RuntimeError, match="ガラス「Cube」がビューポートで非表示です"):
         bpy.ops.kiriko.solve()
 
 

@@ -140,7 +140,7 @@ def test_a_part_that_a_library_lacks_is_named_with_the_file(
     reopened(tmp_path)
     assert run("solve", "--out", tmp_path / "out") == 1
     told = capsys.readouterr().err
-    assert f"'{name}' is missing from the library '{tmp_path / LIBRARY}': put the file back" in told
+    assert f"'{name}' is missing from the library '{tmp_path / LIBRARY}'. Restore the file" in told
     look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
     entries = look_over.look_now(bpy.context)
     assert told.removeprefix("kiriko: ").strip() in [entry.text for entry in entries]

@@ -166,7 +166,7 @@ def test_a_thin_wall_is_no_glass(scene, bench, look):
     glass.kiriko.use_ior = False
     glass.data.materials.append(thin)
     bpy.ops.kiriko.solve()
-    words = f"The material '{thin.name}' is no glass: Thin Wall is on"
+    words = f"straight through the material '{thin.name}'. Turn Thin Wall off"
     assert words in scene.kiriko.result.notes
     (entry,) = look()
     bpy.ops.kiriko.make_glass(**dict(entry.buttons[0].properties))

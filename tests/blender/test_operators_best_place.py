@@ -1,4 +1,4 @@
-"""Best Place and Turn It Back: a change is proposed with its gain, and made by a second click."""
+"""Best Place and Rotate to Recover: proposed with their gain, made by a second click."""
 
 import re
 
@@ -143,7 +143,9 @@ def test_glass_that_is_held_stays(scene):
     rig = tilted_rig()
     before = {role: place(thing) for role, thing in rig.items()}
     rig["GLASS"].lock_rotation[2] = True
-    with pytest.raises(RuntimeError, match="keeps its place, for its place is locked"):
+    with pytest.raises(
+        RuntimeError, match="keeps its place, for its location or rotation is locked"
+    ):
         bpy.ops.kiriko.turn_back(take=True)
     assert all((place(thing) == before[role]).all() for role, thing in rig.items())
 

@@ -358,7 +358,7 @@ def test_what_is_held_is_not_moved(bench: Bench, holds: str) -> None:
     places = state()
     offset = bench.scene.kiriko.calibration.offset
     with pytest.raises(
-        RuntimeError, match="which this rig does not have" if holds == "name" else "keep the offset"
+        RuntimeError, match="which is not in this rig" if holds == "name" else "Keep the offset"
     ):
         bpy.ops.kiriko.apply_calibration()
 

@@ -215,7 +215,7 @@ def test_a_job_is_refused_as_its_first_task_would_be(scene, tmp_path, run, capsy
     assert told[0] == told[1]
     sentence = re.escape(told[0].partition(": ")[2].strip())
     if name == "two pictures":  # the grey button says it in the checklist's words
-        sentence = "There are 2 objects with the role Picture"
+        sentence = "2 objects have the role Picture"
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.kiriko.export_atlas(directory=str(tmp_path / "out"), job=True, **BOX)
     assert not (tmp_path / "out").exists()

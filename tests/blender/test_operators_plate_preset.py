@@ -58,8 +58,7 @@ def test_a_plate_gets_the_size_of_the_product(scene, capfd, preset, side):
     assert frame(plate) == pytest.approx(before, abs=SINGLE)
     assert plate.kiriko.plate.model == "CROSSED"
     assert re.search(
-        rf"Info: 'Kiriko Plate' has the mirrors of {preset} now, and its size: {side:g}"
-        rf" m",
+        rf"Info: 'Kiriko Plate' is now {preset} \({side:g} m x {side:g} m\)",
         capfd.readouterr().out,
     )
 
@@ -136,7 +135,7 @@ def test_others_of_the_mesh_and_children_stay(scene):
         ("constraint", "a constraint or a driver holds it"),
         ("locked", "its scale is locked"),
         ("no width", "it has no size"),
-        ("turned", "its mesh is turned within the object, and is no square"),
+        ("turned", "its mesh is rotated in the object and not square"),
         ("instance", "it is an instance"),
     ],
 )
@@ -177,7 +176,7 @@ def test_what_holds_its_size_keeps_it_and_says_why(scene, capfd, way, why):
         tuple(map(tuple, thing.matrix_world)),
     ) == before
     assert (
-        f"has the mirrors of ASKA3D-200 now, but not its size of 0.2 m: {why}."
+        f"is now ASKA3D-200, but could not be resized to 0.2 m x 0.2 m: {why}."
         in capfd.readouterr().out
     )
     assert thing.kiriko.plate.pitch == pytest.approx(0.3)

@@ -146,7 +146,7 @@ def test_a_missing_image_is_one_sentence(kiriko, solved):
     lost = bpy.data.images.new("lost", 4, 4)
     lost.source, lost.filepath = "FILE", "//not_there.png"
     second.image = lost
-    words = r"The image 'lost' of the viewer 'mine' cannot be read from the file .*not_there\.png"
+    words = r"The image 'lost' of the viewer 'mine' cannot be read: .*not_there\.png"
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.solve()
 
@@ -158,11 +158,11 @@ def test_a_missing_image_is_one_sentence(kiriko, solved):
 def test_an_image_of_another_size_is_told_and_stretched(kiriko, rig):
     give(plain("red", (1, 0, 0)), plain("blue", (0, 0, 1), 32))
     reading = work().read(bpy.context)
-    told = [str(note) for note in reading.notes if "its viewer" in str(note)]
+    told = [str(note) for note in reading.notes if "stretched" in str(note)]
     size = next(v for v in reading.rig.viewers if v.name == "mine")
     assert told == [
-        "The image 'blue' has 32 x 32 pixels, its viewer 'mine'"
-        f" {size.width} x {size.height}: it is stretched to fit."
+        "The image 'blue' (32 x 32 pixels) is stretched to fit the viewer 'mine'"
+        f" ({size.width} x {size.height})."
     ]
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 

@@ -137,7 +137,7 @@ def test_solve_is_grey_while_the_pictures_file_is_missing(look, scene, tmp_path,
     path.rename(tmp_path / "away.png")
     image.reload()
     reason = why_grey()
-    assert f" cannot be read from the file {path}: the file is missing" in reason
+    assert f" cannot be read: {path} is missing" in reason
     assert [entry.text for entry in look() if entry.text.startswith(reason)]
     (tmp_path / "away.png").rename(path)
     image.reload()
@@ -176,7 +176,7 @@ def test_a_script_that_gives_a_camera_a_role_is_told(drawn, look, make, role):
     small_rig()
     thing = new_object(make(), role)
     (entry, *others) = look()
-    assert re.match(rf"'thing' has the role {role.title()}, but an? .* has no surface", entry.text)
+    assert re.match(rf"'thing' has the role {role.title()}, but it has no surface", entry.text)
     assert not [other for other in others if "thing" in other.text]
     assert drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
     assert why_grey() == entry.text
@@ -518,11 +518,11 @@ def test_what_has_no_surface_is_offered_no_role(drawn):
         None,
     )
 
-    for block, word in zip(data, ("a light", "an armature", "a lattice", "an empty"), strict=True):
+    for block in data:
         thing = new_object(block)
         shown = drawn("object", "VIEW3D_PT_kiriko_object", thing)
         assert "role" not in shown.props
-        assert f"{word} has no surface" in " ".join(shown.texts)
+        assert "it has no surface" in " ".join(shown.texts)
         thing.kiriko.role = "GLASS"
         shown = drawn("object", "VIEW3D_PT_kiriko_object", thing)
         assert "role" in shown.props

@@ -117,7 +117,7 @@ def test_glass_of_its_own_gets_the_index_in_its_material(scene, read, capfd):
     assert [m.source for m in reading.materials] == ["Glass BSDF"]
     assert not glass.kiriko.use_ior
     assert (
-        "is Lead Crystal (24 % PbO) now: the IOR of its material 'Kiriko Glass' is 1.545."
+        "is now Lead Crystal (24 % PbO): the IOR of its material 'Kiriko Glass' is 1.545."
         in capfd.readouterr().out
     )
 
@@ -167,8 +167,8 @@ def instance_of(glass: bpy.types.Object) -> bpy.types.Object:
 @pytest.mark.parametrize(
     ("make", "name", "why"),
     [
-        (instance_of, "Water", "others have its material 'Kiriko Glass', too"),
-        (instances_by_nodes, None, "it shows other objects"),
+        (instance_of, "Water", "other objects also use its material 'Kiriko Glass'"),
+        (instances_by_nodes, None, "it only shows other objects"),
     ],
 )
 def test_glass_that_shows_other_objects_is_the_product_that_these_are(
@@ -192,7 +192,7 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.3333, abs=1e-6)
 
     bpy.ops.kiriko.glass_preset(preset="Acrylic")
-    assert f"its Override IOR is 1.49, for {why}." in capfd.readouterr().out
+    assert f"Override IOR is 1.49 because {why}." in capfd.readouterr().out
     assert chosen.glass_product(glass).name == "Acrylic"
 
 
@@ -200,9 +200,9 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     ("way", "why"),
     [
         ("opaque", "its material does not refract"),
-        ("shared", "others have its material 'Kiriko Glass', too"),
-        ("nodes", "nodes decide the index of its material 'Kiriko Glass'"),
-        ("override", "it is on"),
+        ("shared", "other objects also use its material 'Kiriko Glass'"),
+        ("nodes", "nodes set the IOR of its material 'Kiriko Glass'"),
+        ("override", "it was on already"),
     ],
 )
 def test_other_glass_gets_it_as_its_override(scene, read, capfd, way, why):
@@ -227,7 +227,7 @@ def test_other_glass_gets_it_as_its_override(scene, read, capfd, way, why):
     bpy.ops.kiriko.glass_preset(preset="Polycarbonate")
     assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.5846, abs=1e-6)
     assert glass.kiriko.use_ior
-    assert f"its Override IOR is 1.5846, for {why}." in capfd.readouterr().out
+    assert f"Override IOR is 1.5846 because {why}." in capfd.readouterr().out
     if way != "opaque":
         assert socket.default_value == pytest.approx(1.49)
 
@@ -240,4 +240,4 @@ def test_a_display_that_is_held_keeps_its_size(scene, capfd):
     bpy.ops.kiriko.display_preset(preset="Dell P2422H")
     assert np.array_equal(corners(display), before)
     assert tuple(display.kiriko.resolution) == (1920, 1080)
-    assert "1920 x 1080, but not its size of" in capfd.readouterr().out
+    assert "but could not be resized to" in capfd.readouterr().out

@@ -280,19 +280,19 @@ def another_with_all_linked(scene: bpy.types.Scene) -> str:
     """A scene that shares all things, as New Scene > Linked Copy makes it."""
     bpy.ops.scene.new(type="LINK_COPY")
     show_scene(scene)
-    return "The rig is in the scene 'Scene.001', too"
+    return "'Kiriko Rig' is also in the scene 'Scene.001'"
 
 
 def another_with_the_collection(scene: bpy.types.Scene) -> str:
     """A scene that has the rig's collection."""
     bpy.data.scenes.new("Other").collection.children.link(bpy.data.collections["Kiriko Rig"])
-    return "unlink its collection 'Kiriko Rig' there first"
+    return "'Kiriko Rig' is also in the scene 'Other'"
 
 
 def another_with_a_part(scene: bpy.types.Scene) -> str:
     """A scene that has the display alone."""
     bpy.data.scenes.new("Other").collection.objects.link(bpy.data.objects["Kiriko Display"])
-    return "The rig's 'Kiriko Display' is in the scene 'Other', too"
+    return "'Kiriko Display' is also in the scene 'Other'"
 
 
 def another_with_an_instance(scene: bpy.types.Scene) -> str:
@@ -301,7 +301,7 @@ def another_with_an_instance(scene: bpy.types.Scene) -> str:
     empty.instance_type = "COLLECTION"
     empty.instance_collection = bpy.data.collections["Kiriko Rig"]
     bpy.data.scenes.new("Other").collection.objects.link(empty)
-    return "The object 'Instance' is an instance of the rig's collection"
+    return "'Instance' is an instance of the rig's collection"
 
 
 @pytest.mark.parametrize(

@@ -276,7 +276,7 @@ def test_a_scene_without_a_layer_to_render_is_told(kiriko, rig):
     other = other_scene()
     other.view_layers[0].use = False
     before, things = state(other), inventory()
-    words = r"'Kiriko Viewer' \(none of its view layers is used for rendering\)"
+    words = r"'Kiriko Viewer' \(no view layer is used for rendering\)"
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.render_pictures()
     assert (state(other), inventory()) == (before, things)

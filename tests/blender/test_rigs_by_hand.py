@@ -216,10 +216,10 @@ def test_parts_that_were_duplicated_become_a_rig(
     originals = list(scene.objects)
     sets = [duplicated(originals), duplicated(originals)]
 
-    label = "Make the Copies a Rig"
+    label = "Duplicate Rig"
     for copies in reversed(sets):
         choose(first)
-        with pytest.raises(RuntimeError, match=r"\d (displays|objects with the role Display)"):
+        with pytest.raises(RuntimeError, match=r"\d (displays|objects have the role Display)"):
             bpy.ops.kiriko.solve()
         press(to_do.look_now(bpy.context), label)
         look(kiriko)
@@ -317,7 +317,7 @@ def test_sets_in_one_place_are_told_by_the_selection(
     duplicated(things)
     bpy.ops.object.select_all(action="DESELECT")
     held = set(rig.objects)
-    with pytest.raises(RuntimeError, match="Select the copies of 'Cube', 'Kiriko Display'"):
+    with pytest.raises(RuntimeError, match="Select only the copies of 'Cube', 'Kiriko Display'"):
         bpy.ops.kiriko.part_copies()
     assert set(rig.objects) == held
     assert len(scene.collection.children) == 1
@@ -338,7 +338,7 @@ def test_a_copy_of_glass_for_something_else_is_not_taken(
     moved(duplicated([scene.objects["Cube"]]), 0.7)
     copies = moved(duplicated([x for x in rig.objects if x.kiriko.role != "GLASS"]), 0.02)
     bpy.ops.object.select_all(action="DESELECT")
-    with pytest.raises(RuntimeError, match="Select the copies of 'Cube', 'Kiriko Display'"):
+    with pytest.raises(RuntimeError, match="Select only the copies of 'Cube', 'Kiriko Display'"):
         bpy.ops.kiriko.part_copies()
     for thing in copies:
         thing.select_set(True)

@@ -142,7 +142,7 @@ def test_index_driven_by_nodes(read):
     add_glass(material)
     reading = read()
     assert index(reading) == pytest.approx(1.55)
-    assert reading.notes == ("The IOR of 'stuff' is driven by nodes: using 1.55.",)
+    assert reading.notes == ("Nodes set the IOR of 'stuff'; Kiriko uses 1.55.",)
 
 
 @pytest.mark.parametrize(("share", "ignored"), [(0.5, ("mixed with Transparent BSDF",)), (1.0, ())])
@@ -224,9 +224,7 @@ def test_glass_without_refraction(read, kind):
     reading = read()
     assert index(reading) == 1.49
     assert reading.materials[0].source == "default"
-    assert reading.notes == (
-        "The glass 'stone' has no refractive material: using an index of refraction of 1.49.",
-    )
+    assert reading.notes == ("The material of 'stone' isn't glass; Kiriko uses an IOR of 1.49.",)
 
 
 def test_materials_of_different_index(read):
@@ -242,8 +240,7 @@ def test_materials_of_different_index(read):
     assert index(reading) == pytest.approx(1.7)
     assert [m.material_name for m in reading.materials] == ["many", "few"]
     assert reading.notes == (
-        "The glass 'stone' has materials with different indices: all of it has 1.7, the index of"
-        " 'many', and not 1.5.",
+        "The materials of 'stone' have different IORs; Kiriko uses 1.7 of 'many', not 1.5.",
     )
 
 
@@ -256,8 +253,7 @@ def test_faces_that_do_not_refract(read):
     reading = read()
     assert index(reading) == pytest.approx(1.7)
     assert reading.notes == (
-        "The glass 'stone' has faces of a material that does not refract ('label'): they count as"
-        " glass, too.",
+        "'stone' has faces whose material isn't glass ('label'); they count as glass.",
     )
 
 

@@ -251,7 +251,7 @@ def test_cameras_that_cannot_be_followed(read, scene, errors):
     with pytest.raises(errors.RigError, match="'eye' is sheared or has no size"):
         read()
     scene.camera = parent
-    with pytest.raises(errors.RigError, match="'parent' is no camera"):
+    with pytest.raises(errors.RigError, match="'parent' is not a camera"):
         read()
 
 
@@ -281,7 +281,7 @@ def test_viewer_whose_place_is_stale(read, scene, errors, way):
     else:
         drawer.hide_viewport = True
 
-    said = "is in no scene any more" if way == "unlinked" else "is disabled or left out"
+    said = "is not in any scene" if way == "unlinked" else "is disabled or not in"
     with pytest.raises(errors.RigError, match=f"'eye' {said}"):
         read()
     scene.camera = camera
@@ -308,10 +308,7 @@ def test_depth_of_field_is_noted(scene):
     """A camera with depth of field is solved as a pinhole, and a note says so."""
     module = loaded("core.blender.read.scene")
     add_camera(scene).data.dof.use_dof = True
-    assert (
-        "The viewer 'eye' has depth of field: solved as a pinhole."
-        in module.read(bpy.context, scene).notes
-    )
+    assert "Kiriko ignores the depth of field of 'eye'." in module.read(bpy.context, scene).notes
 
 
 @pytest.mark.parametrize("kind", CAMERAS)

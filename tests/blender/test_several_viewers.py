@@ -316,15 +316,15 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "deleted": (
         lambda: bpy.data.objects.remove(bpy.data.objects["mine"]),
-        "The list of viewers has an entry without a camera: choose one, or remove the entry",
+        "An entry in the viewer list has no camera",
     ),
     "deleted by hand": (
         unlink,
-        "The viewer 'mine' is in no scene any more, as after deleting it",
+        "The viewer 'mine' is not in any scene",
     ),
     "0": (lambda: weigh(0), "The viewer 'mine' has the weight 0: set one above 0"),
     "-1": (lambda: weigh(-1), "The viewer 'mine' has the weight -1: set one above 0"),
-    "all off": (lambda: off(0, 1), "All viewers in the list are off: turn one on"),
+    "all off": (lambda: off(0, 1), "All viewers are off. Turn one on"),
     "both sides": (
         lambda: setattr(bpy.data.objects["mine"], "location", (0, 2, -2)),
         "stands between the viewers '(mine|Kiriko Viewer)' and '(mine|Kiriko Viewer)'",
@@ -945,7 +945,7 @@ def test_an_empty_entry_is_told_in_its_own_words(kiriko: ModuleType, rig: dict) 
     viewer = ours().viewer
     bpy.context.view_layer.objects.active = rig["GLASS"]
     bpy.ops.kiriko.add_viewer()
-    with pytest.raises(RuntimeError, match="list of viewers has an entry without a camera"):
+    with pytest.raises(RuntimeError, match="entry in the viewer list has no camera"):
         bpy.ops.kiriko.solve()
     bpy.ops.kiriko.move_viewer(step=-1)
     assert ours().viewer == viewer

@@ -40,7 +40,7 @@ FIT_PICTURE = Button("kiriko.fit_picture_size", Message("Fit Picture"))
 FIT_PLATE = Button("kiriko.fit_plate", Message("Fit Plate"))
 FIT_DISPLAY = Button("kiriko.fit_display", Message("Fit Display"))
 BEST_PLACE = Button("kiriko.best_place", Message("Best Place"))
-TURN_BACK = Button("kiriko.turn_back", Message("Turn It Back"))
+TURN_BACK = Button("kiriko.turn_back", Message("Rotate to Recover"))
 REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
     REASON_WORDS[Reason.MISSED_PLATE]: (
         Message("make the plate larger, or the picture smaller"),
@@ -55,7 +55,7 @@ REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
         (BEST_PLACE, FIT_PICTURE),
     ),
     REASON_WORDS[Reason.LOST_INSIDE]: (
-        Message("turn the glass, or make the picture smaller"),
+        Message("rotate the glass, or make the picture smaller"),
         (TURN_BACK, FIT_PICTURE),
     ),
 }
@@ -130,7 +130,7 @@ def _on_missing(seen: Inspection) -> Iterator[Entry]:
         elif role == "GLASS":
             buttons = tuple(_use_as_glass(named) for named in seen.solids[:MOST_OFFERED])
         elif role == "PLATE" and not is_new:
-            without = Button("kiriko.go_without_plate", Message("Go Without"), (), "CHECKMARK")
+            without = Button("kiriko.go_without_plate", Message("Remove Plate"), (), "CHECKMARK")
             buttons = (_make(role), without)
         elif role in MADE and "GLASS" in roles and not is_new:
             buttons = (_make(role),)
@@ -142,12 +142,12 @@ def _make(role: str) -> Button:
 
 
 def _use_as_glass(named: Named) -> Button:
-    label = Message("Use '{name}'", name=named.name)
+    label = Message("Add '{name}' to Rig", name=named.name)
     return Button("kiriko.use_part", label, naming(named), "MATSPHERE")
 
 
 def _use_camera(name: str) -> Button:
-    label = Message("Use '{camera}'", camera=name)
+    label = Message("Use '{camera}' as Viewer", camera=name)
     values = (("data_path", "scene.kiriko.viewer"), ("value", name))
     return Button("wm.context_set_id", label, values, "OUTLINER_OB_CAMERA")
 
@@ -161,8 +161,8 @@ def _on_too_many(seen: Inspection) -> Iterator[Entry]:
     no part.
     """
     if seen.is_doubled:
-        text = Message("The rig's parts were duplicated, and lie in the same rig.")
-        label = Message("Make the Copies a Rig")
+        text = Message("The rig's parts were duplicated within the same rig.")
+        label = Message("Duplicate Rig")
         yield Entry(text, PROBLEM, (Button("kiriko.part_copies", label, (), "DUPLICATE"),))
     for role in SINGLE:
         things = [thing for thing in _shown(seen) if thing.role == role]
@@ -177,7 +177,7 @@ def _on_too_many(seen: Inspection) -> Iterator[Entry]:
 def too_many(role: str, n: int) -> Message:
     """A sentence on parts of which a rig has one."""
     return Message(
-        "There are {n} objects with the role {role}, of which a rig has one: leave out others.",
+        "{n} objects have the role {role}, but a rig has only one. Leave out the others.",
         n=n,
         role=SINGLE[role],
     )
@@ -205,7 +205,7 @@ def _on_hidden(seen: Inspection) -> Iterator[Entry]:
     for thing in seen.things:
         if thing.hidden_by and thing.role not in missing:
             text = Message(
-                "'{name}' is hidden{by}, and left out.", name=thing.named.name, by=thing.hidden_by
+                "'{name}' is hidden{by} and ignored.", name=thing.named.name, by=thing.hidden_by
             )
             yield Entry(text, ADVICE, (_show(thing),))
 
@@ -217,7 +217,7 @@ def _on_in_glass(seen: Inspection) -> Iterator[Entry]:
     """
     for named in seen.in_glass[:MOST_OFFERED]:
         name = named.name
-        text = Message("'{name}' refracts within the glass, and is no part of the rig.", name=name)
+        text = Message("'{name}' is inside the glass but isn't in the rig yet.", name=name)
         yield Entry(text, ADVICE, (_use_as_glass(named),))
 
 
@@ -249,7 +249,7 @@ def _on_display(seen: Inspection, length_text: Callable[[float], str]) -> Iterat
     for thing in _shown(seen):
         if thing.role == "DISPLAY" and thing.width > seen.for_most > 0:
             text = Message(
-                "'{name}' is {length} wide. {share} of its light fits on less.",
+                "'{name}' is {length} wide, but {share} of the light fits on a smaller display.",
                 name=thing.named.name,
                 length=length_text(thing.width),
                 share=percent(MOST),
@@ -309,10 +309,12 @@ def _solve(seen: Inspection) -> Entry:
     """A result that is not whole, or not of the scene as it is."""
     solve = (Button(SOLVE, Message("Solve"), (), "LIGHT_SUN"),)
     if seen.is_coarse:
-        return Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
+        return Entry(
+            Message("This is only a rough image. Press Solve for the final one."), PROBLEM, solve
+        )
     if seen.is_stale:
-        return Entry(Message("The scene has changed since it was solved."), PROBLEM, solve)
-    return Entry(Message("The source image has no numbers yet."), ADVICE, solve)
+        return Entry(Message("The scene has changed since the last solve."), PROBLEM, solve)
+    return Entry(Message("The result has no figures yet."), ADVICE, solve)
 
 
 def _loss(share: float, reason: str, remedy: Message) -> Message:
@@ -337,7 +339,7 @@ def _remedy(
     clauses = [help.sentence(length_text) for help in found]
     mends = [BY_OPERATOR[help.operator] for help in found]
     if not found or TURN_BACK in buttons:
-        clauses.append(Message("turn the glass"))
+        clauses.append(Message("rotate the glass"))
         mends.append(TURN_BACK)
     return joined(clauses, " / "), tuple(mends)
 

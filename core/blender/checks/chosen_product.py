@@ -38,25 +38,13 @@ class Given:
 
 def give_plate(context: bpy.types.Context, plate: bpy.types.Object, product: PlateProduct) -> Given:
     """Give a plate the mirrors of a product, and its size, about its middle."""
-    length = length_text(context.scene, product.side)
-    names = {"plate": plate.name, "preset": product.name, "length": length}
-
+    side = length_text(context.scene, product.side)
     try:
         give_side(context, plate, product.side / length_of_unit(context.scene))
-    except RigError as why:
-        text = Message(
-            "'{plate}' has the mirrors of {preset} now, but not its size of {length}: {why}.",
-            **names,
-            why=why,
-        )
-        given = Given(text, is_whole=False)
+    except RigError as error:
+        given = _given(plate, product.name, (side, side), error)
     else:
-        given = Given(
-            Message(
-                "'{plate}' has the mirrors of {preset} now, and its size: {length} a side.",
-                **names,
-            )
-        )
+        given = _given(plate, product.name, (side, side))
 
     array = product.array
     ours = plate.kiriko.plate
@@ -70,6 +58,23 @@ def give_plate(context: bpy.types.Context, plate: bpy.types.Object, product: Pla
     ours.phase = array.phase
 
     return given
+
+
+def _given(
+    thing: bpy.types.Object, preset: str, size: tuple[str, str], error: RigError | None = None
+) -> Given:
+    """The sentence on an object that was given a product, or all of it but its size."""
+    names = {
+        "name": thing.name,
+        "preset": preset,
+        "size": Message("{width} x {height}", width=size[0], height=size[1]),
+    }
+    if error is None:
+        return Given(Message("'{name}' is now {preset} ({size}).", **names))
+    text = Message(
+        "'{name}' is now {preset}, but could not be resized to {size}: {why}.", **names, why=error
+    )
+    return Given(text, is_whole=False)
 
 
 def plate_product(context: bpy.types.Context, plate: bpy.types.Object) -> PlateProduct | None:
@@ -107,32 +112,14 @@ def give_display(
     turn = -1 if is_upright else 1
     size, pixels = product.size[::turn], product.pixels[::turn]
     metres = length_of_unit(context.scene)
-    names = {
-        "display": display.name,
-        "preset": product.name,
-        "width": length_text(context.scene, size[0]),
-        "height": length_text(context.scene, size[1]),
-        "columns": pixels[0],
-        "rows": pixels[1],
-    }
+    size_text = length_text(context.scene, size[0]), length_text(context.scene, size[1])
 
     try:
         give_size(context, display, (size[0] / metres, size[1] / metres))
-    except RigError as why:
-        text = Message(
-            "'{display}' has the pixels of {preset} now, {columns} x {rows}, but not its size of"
-            " {width} x {height}: {why}.",
-            **names,
-            why=why,
-        )
-        given = Given(text, is_whole=False)
+    except RigError as error:
+        given = _given(display, product.name, size_text, error)
     else:
-        given = Given(
-            Message(
-                "'{display}' is {preset} now: {width} x {height}, {columns} x {rows} pixels.",
-                **names,
-            )
-        )
+        given = _given(display, product.name, size_text)
 
     display.kiriko.resolution = pixels
     if product.luminance is not None:
@@ -171,7 +158,7 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
         if why:
             thing.kiriko.use_ior, thing.kiriko.ior = True, product.ior
             text = Message(
-                "'{glass}' is {preset} now: its Override IOR is {ior}, for {why}.", **names, why=why
+                "'{glass}' is now {preset}: Override IOR is {ior} because {why}.", **names, why=why
             )
         else:
             shown = materials_as_shown(bpy.context.scene, thing)
@@ -180,7 +167,7 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
                 _index_of(material).default_value = product.ior
                 material.node_tree.update_tag()
             text = Message(
-                "'{glass}' is {preset} now: the IOR of its material '{material}' is {ior}.",
+                "'{glass}' is now {preset}: the IOR of its material '{material}' is {ior}.",
                 **names,
                 material="', '".join(m.name for m in materials),
             )
@@ -217,12 +204,12 @@ def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
 def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -> str:
     """Why a glass cannot get its index by its materials, a clause; '' where it can."""
     if glass.kiriko.use_ior:
-        return Message("it is on")
+        return Message("it was on already")
 
     shown = materials_as_shown(bpy.context.scene, glass)
     materials = [m for m in shown if read_refraction(m) is not None]
     if not shown and shows_instances_alone(evaluated(bpy.context.scene, glass)):
-        return Message("it shows other objects")
+        return Message("it only shows other objects")
     if not materials:
         return Message("its material does not refract")
 
@@ -231,11 +218,11 @@ def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -
     for material in materials:
         socket = _index_of(material)
         if socket is None or material.node_tree.animation_data is not None:
-            return Message("nodes decide the index of its material '{name}'", name=material.name)
+            return Message("nodes set the IOR of its material '{name}'", name=material.name)
         if not material.is_editable:
             return Message("its material '{name}' is linked from another file", name=material.name)
         if bpy.data.user_map(subset=[material])[material] - own:
-            return Message("others have its material '{name}', too", name=material.name)
+            return Message("other objects also use its material '{name}'", name=material.name)
 
     return ""
 

@@ -49,7 +49,7 @@ def turn_out(thing: Thing) -> Button:
     """The button that has all faces look out of the glass."""
     if not (thing.own_faults.n_turned or thing.own_faults.is_inside_out):
         return select_part(thing)
-    label = Message("Recalculate Outside")
+    label = Message("Recalculate Normals")
     return Button("kiriko.turn_out", label, naming(thing.named), "NORMALS_FACE")
 
 
@@ -102,17 +102,14 @@ APPEARANCE = (
         Finding(
             lambda thing: thing.is_opaque and not thing.has_place,
             lambda thing: Message(
-                "'{name}' is no glass: give it a material that refracts, in the file that it is"
-                " linked from.",
+                "The material of '{name}' isn't glass. Change it in the linked file.",
                 name=thing.named.name,
             ),
             (select_part,),
         ),
         Finding(
             lambda thing: thing.is_opaque,
-            lambda thing: Message(
-                "'{name}' is no glass: its material does not refract.", name=thing.named.name
-            ),
+            lambda thing: Message("The material of '{name}' isn't glass.", name=thing.named.name),
             (make_glass,),
         ),
         Finding(
@@ -127,21 +124,21 @@ SHAPE = (
         Finding(
             lambda thing: thing.has_no_scale,
             lambda thing: Message(
-                "'{name}' is scaled to nothing: Object > Clear > Scale.", name=thing.named.name
+                "'{name}' has a scale of zero. Use Object > Clear > Scale.", name=thing.named.name
             ),
             (select_part,),
         ),
         Finding(
             lambda thing: thing.is_flat and thing.role == "GLASS",
             lambda thing: Message(
-                "'{name}' is flat, and glass has to have a thickness.", name=thing.named.name
+                "'{name}' is flat. Glass needs a thickness.", name=thing.named.name
             ),
             (thicken,),
         ),
         Finding(
             lambda thing: thing.faults.n_open and thing.role == "GLASS" and not thing.is_mesh,
             lambda thing: Message(
-                "'{name}' is not closed: turn on Fill Caps, or choose another Fill Mode.",
+                "'{name}' is not closed. Turn on Fill Caps, or choose another Fill Mode.",
                 name=thing.named.name,
             ),
             (select_part, thicken),
@@ -149,7 +146,7 @@ SHAPE = (
         Finding(
             lambda thing: thing.faults.n_open and thing.role == "GLASS",
             lambda thing: Message(
-                "'{name}' is not closed: {n} edge{s} (Select > All by Trait > Non Manifold).",
+                "'{name}' is not closed: {n} open edge{s} (Select > All by Trait > Non Manifold).",
                 **_counted(thing.own_faults.n_open or thing.faults.n_open, thing),
             ),
             (fill_holes, thicken),
@@ -169,7 +166,7 @@ SHAPE = (
         Finding(
             is_turned,
             lambda thing: Message(
-                "'{name}' has {n} flipped face{s}: Cycles bends light wrongly there, and Kiriko if"
+                "'{name}' has {n} flipped face{s}. Cycles renders them wrongly, and Kiriko too if"
                 " they are smooth.",
                 **_counted(thing.own_faults.n_turned or thing.faults.n_turned, thing),
             ),
@@ -178,9 +175,7 @@ SHAPE = (
         ),
         Finding(
             lambda thing: thing.faults.is_inside_out and thing.role == "GLASS",
-            lambda thing: Message(
-                "The faces of '{name}' look into the glass.", name=thing.named.name
-            ),
+            lambda thing: Message("The normals of '{name}' point inward.", name=thing.named.name),
             (turn_out,),
             lambda thing: thing.faults.n_open > 0,
         ),
@@ -189,8 +184,8 @@ SHAPE = (
         Finding(
             lambda thing: thing.faults.n_inner and thing.role == "GLASS",
             lambda thing: Message(
-                "'{name}' has {n} face{s} inside, which Kiriko leaves out and Cycles does not:"
-                " Select > All by Trait > Interior Faces, and delete them.",
+                "'{name}' has {n} interior face{s}. Kiriko ignores them, Cycles does not. Delete"
+                " them (Select > All by Trait > Interior Faces).",
                 **_counted(thing.own_faults.n_inner or thing.faults.n_inner, thing),
             ),
             (select_part,),

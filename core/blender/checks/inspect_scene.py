@@ -368,7 +368,7 @@ def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
         return ""
     image = image_of(picture)
     if image is None:
-        return Message("'{picture}' shows no image.", picture=picture.name)
+        return Message("'{name}' shows no image. Choose one.", name=picture.name)
     try:
         check_shown(picture, image, scene)
     except ImageError as error:

@@ -8,26 +8,19 @@ import numpy as np
 from ...base.errors import RigError
 from ...base.messages import Message, as_message
 
-EMPTY = Message("an empty has no surface")
+NO_SURFACE = Message("it has no surface")
 NO_PART = "NONE"  # as the role of objects that have one, and can have none
 OUTLINES = {"BOUNDS", "WIRE"}  # as tools of modifiers are drawn
-SURFACELESS = {
-    "ARMATURE": Message("an armature has no surface"),
-    "CAMERA": Message("a camera has no surface"),
-    "LATTICE": Message("a lattice has no surface"),
-    "LIGHT": Message("a light has no surface"),
-    "LIGHT_PROBE": Message("a light probe has no surface"),
-    "SPEAKER": Message("a speaker has no surface"),
-}
+SURFACELESS = {"ARMATURE", "CAMERA", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 
 
 def bodiless(thing: bpy.types.Object) -> str:
     """Why an object can have no role, as the end of a sentence; '' where it can."""
     if thing.type == "EMPTY":
         is_instance = thing.instance_type == "COLLECTION" and thing.instance_collection is not None
-        return "" if is_instance else EMPTY
+        return "" if is_instance else NO_SURFACE
 
-    return SURFACELESS.get(thing.type, "")
+    return NO_SURFACE if thing.type in SURFACELESS else ""
 
 
 def role_label(owner: bpy.types.Object) -> Message:
@@ -39,7 +32,7 @@ def check_body(thing: bpy.types.Object) -> None:
     """Raise RigError where an object has a role, and can have none."""
     if why := bodiless(thing):
         raise RigError(
-            "'{name}' has the role {role}, but {why}: set its role to None.",
+            "'{name}' has the role {role}, but {why}. Set its role to None.",
             name=thing.name,
             role=role_label(thing),
             why=why,
@@ -66,7 +59,7 @@ def has_no_place(matrix: Sequence[Sequence[float]]) -> bool:
 def on_no_place(name: str) -> Message:
     """The sentence on such an object."""
     return Message(
-        "The location, rotation or scale of '{name}' is no number, or too large: reset it.",
+        "The location, rotation or scale of '{name}' is invalid or too large. Reset it.",
         name=name,
     )
 
@@ -91,13 +84,7 @@ def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types
 
 def use_of(modifier: bpy.types.BooleanModifier) -> Message:
     """Why a tool of a Boolean modifier is no glass, as the end of a sentence."""
-    name = modifier.id_data.name
-    uses = {
-        "DIFFERENCE": Message("it cuts '{name}'", name=name),
-        "UNION": Message("it is joined to '{name}'", name=name),
-        "INTERSECT": Message("it bounds '{name}'", name=name),
-    }
-    return uses[modifier.operation]
+    return Message("a Boolean modifier of '{name}' uses it", name=modifier.id_data.name)
 
 
 def shows_instances_alone(shown: bpy.types.Object) -> bool:
@@ -125,12 +112,12 @@ def faceless(thing: bpy.types.Object) -> RigError:
     for member in members_of(thing):
         if member.kiriko.role != "NONE":
             return RigError(
-                "'{name}' shows '{member}', which has a role of its own: set that to None first, in"
-                " its file where it is linked.",
+                "'{name}' contains '{member}', which has a role. Set that role to None first, in"
+                " its own file if it is linked.",
                 name=thing.name,
                 member=member.name,
             )
     return RigError(
-        "'{name}' has no faces and cannot be glass: give it some, or deselect it.",
+        "'{name}' has no faces. Add some, or deselect it.",
         name=thing.name,
     )

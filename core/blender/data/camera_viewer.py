@@ -43,9 +43,7 @@ class Frame(NamedTuple):
 
 def no_camera() -> RigError:
     """The error of an entry of the list of viewers that has none."""
-    return RigError(
-        "The list of viewers has an entry without a camera: choose one, or remove the entry."
-    )
+    return RigError("An entry in the viewer list has no camera. Choose one, or remove the entry.")
 
 
 def frame_of(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Frame:
@@ -111,7 +109,7 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
     )
     if not np.abs(columns.T @ columns - np.eye(3)).max() < MOST_SHEAR:
         raise RigError(
-            "The viewer '{name}' is sheared or has no size: undo the uneven scale of it or"
+            "The viewer '{name}' is sheared or has no size. Clear its scale and the uneven scale"
             " of its parents.",
             name=name,
         )
@@ -225,14 +223,16 @@ def read_viewer(
     RigError : it is no camera, or a panoramic or sheared one
     """
     if camera.type != "CAMERA":  # Blender takes any object as the scene's camera
-        raise RigError("The viewer '{viewer}' is no camera: choose one.", viewer=camera.name)
+        raise RigError(
+            "The viewer '{viewer}' is not a camera. Choose a camera.", viewer=camera.name
+        )
 
     evaluated = camera.evaluated_get(depsgraph)
     lens = evaluated.data
     if lens.type not in PROJECTIONS:
         raise RigError(
-            "The viewer '{viewer}' is a panoramic or custom camera, whose image is no flat"
-            " window: make it perspective or orthographic.",
+            "The viewer '{viewer}' is a panoramic or custom camera. Make it perspective or"
+            " orthographic.",
             viewer=camera.name,
         )
 

@@ -62,8 +62,8 @@ def check_whole(image: bpy.types.Image, owner: str) -> None:
 
 def _cut(image: bpy.types.Image, owner: str) -> ImageError:
     return ImageError(
-        "The image '{image}' of {owner} is cut off: the end of its file {file} is missing. Copy or"
-        " save it again.",
+        "The image '{image}' of {owner} is incomplete: the end of {file} is missing. Copy or save"
+        " it again.",
         image=image.name,
         owner=owner,
         file=_path_of(image),
@@ -79,13 +79,10 @@ def notes_on(image: bpy.types.Image) -> list[str]:
     """Sentences on what an image's file says about its pixels and Blender does not apply."""
     said, notes = _said(image), []
     if said.get("Orientation", 1) != 1:
-        again = Message(
-            "choose it again with Choose Picture, Open Picture or Open Pictures, which turn it, or "
-        )
+        again = Message("choose it again in the Kiriko tab, or ")
         notes.append(
             Message(
-                "The image '{image}' is stored turned or mirrored (Exif orientation), which Blender"
-                " ignores: {again}save it upright.",
+                "Blender ignores the Exif orientation of '{image}': {again}save it upright.",
                 image=image.name,
                 again=again if has_openimageio() else "",
             )
@@ -96,10 +93,10 @@ def notes_on(image: bpy.types.Image) -> list[str]:
         if np.abs(taken - light).max() > UNLIKE:
             notes.append(
                 Message(
-                    "The image '{image}' has a colour profile ({profile}) that Blender ignores:"
-                    " choose it as Color Space, or save the image as sRGB.",
+                    "Blender ignores the colour profile of '{image}' ({profile}). Set it as Color"
+                    " Space, or save the image as sRGB.",
                     image=image.name,
-                    profile=said.get(PROFILE_NAME) or Message("the chromaticities of its file"),
+                    profile=said.get(PROFILE_NAME) or Message("chromaticities"),
                 )
             )
     return notes

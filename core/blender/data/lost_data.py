@@ -46,8 +46,8 @@ def on_lost(lost: Lost, things: Iterable[bpy.types.ID | None]) -> Iterator[tuple
         if thing.name != placeholder.name:
             name = Message("'{part}' of '{name}'", part=placeholder.name, name=thing.name)
         text = Message(
-            "{name} is missing from the library '{file}': put the file back, or relocate the"
-            " library in the outliner (Blender File).",
+            "{name} is missing from the library '{file}'. Restore the file, or relocate the"
+            " library (Outliner > Blender File).",
             name=name,
             file=bpy.path.abspath(placeholder.library.filepath),
         )

@@ -77,10 +77,10 @@ def check(name: str, size: tuple[int, int]) -> None:
         remedy = (
             Message("choose {listed}", listed=listed)
             if there
-            else Message("take Blender from blender.org")
+            else Message("use Blender from blender.org")
         )
         raise ImageError(
-            "This Blender has no encoder for {codec}: {remedy}.", codec=codec.label, remedy=remedy
+            "This Blender cannot encode {codec}: {remedy}.", codec=codec.label, remedy=remedy
         )
 
     if size[0] % codec.across or size[1] % codec.down:
@@ -90,8 +90,8 @@ def check(name: str, size: tuple[int, int]) -> None:
             if not (size[0] % CODECS[other].across or size[1] % CODECS[other].down)
         ]
         raise ImageError(
-            "{codec} takes no images of {width} x {height} pixels, for their sides have to be even:"
-            " choose {others}, or another size of the display.",
+            "{codec} needs even sides, not {width} x {height} pixels. Choose {others}, or change"
+            " the display's resolution.",
             codec=codec.label,
             width=size[0],
             height=size[1],
@@ -139,7 +139,7 @@ def encode(
     except RuntimeError as reason:  # Blender's reports
         why = said_by(reason).rstrip(".")
         raise ImageError(
-            "Blender cannot write the movie '{path}' ({why}): check the disk, or choose another"
+            "The movie '{path}' cannot be written ({why}). Check the disk, or choose another"
             " codec.",
             path=path,
             why=why,
@@ -150,7 +150,7 @@ def encode(
     found = n_frames(path)
     if found != n:
         raise ImageError(
-            "The movie '{path}' has {found} frames in place of {n}: check the disk.",
+            "The movie '{path}' has {found} of {n} frames. Check the disk.",
             path=path,
             found=found,
             n=n,

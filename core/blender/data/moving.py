@@ -148,9 +148,8 @@ def check_there(image: bpy.types.Image, number: int | None, owner: str) -> None:
 def _unreadable(image: bpy.types.Image, number: int, owner: str) -> ImageError:
     is_movie = image.source == "MOVIE"
     return ImageError(
-        "The image '{image}' of {owner} cannot be read at its frame {number} from {file}:"
-        " the file is missing or broken; find it again, or mend the frames in the image's"
-        " texture.",
+        "Frame {number} of the image '{image}' of {owner} cannot be read: {file} is missing or"
+        " broken. Check the file and the frames set in the image's texture.",
         number=number,
         image=image.name,
         owner=owner,
@@ -256,8 +255,7 @@ def ended(image: bpy.types.Image, timing: Timing | None, now: int) -> list[str]:
     if not timing.frame_duration or number <= n or last < n:
         return []
     note = Message(
-        "The movie '{image}' has ended: it has {n} frames, and frame {number} is asked for. The"
-        " last one is held.",
+        "The movie '{image}' has only {n} frames; its last one is shown at frame {number}.",
         image=image.name,
         n=n,
         number=number,
@@ -312,7 +310,7 @@ def sequence_of(files: Collection[Path]) -> tuple[Path, Timing]:
             return file, Timing(n, frame_offset=first - 1)
 
     raise ImageError(
-        "The {n} files that are chosen are no sequence: choose one image, or files whose names"
-        " differ by consecutive numbers alone.",
+        "The {n} chosen files are not a sequence. Choose one image, or files with consecutive"
+        " numbers.",
         n=n,
     )

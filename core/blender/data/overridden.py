@@ -47,9 +47,8 @@ def overridden(
         if override not in shown or thing in shown:
             take_away(made.values())
             raise RigError(
-                "'{name}' is linked from another file with its collection, and would not stay"
-                " glass in this file: make it a library override first, by Object > Library"
-                " Override > Make.",
+                "'{name}' is linked from another file. Make it a library override first (Object >"
+                " Library Override > Make).",
                 name=thing.name,
             )
     _use_overrides(scene, made.values())

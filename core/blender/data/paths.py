@@ -17,8 +17,8 @@ def absolute(path: str) -> Path:
     """
     if path.startswith("//") and not bpy.data.filepath:
         raise ImageError(
-            "The path '{path}' is relative to this file, which was never saved: save it or"
-            " choose another.",
+            "The path '{path}' is relative, but this file was never saved. Save it, or choose"
+            " another path.",
             path=path,
         )
     found = Path(bpy.path.abspath(path))

@@ -41,22 +41,10 @@ def frame_files(
     ImageError
         The name has a folder in it, or braces that Blender does not know.
     """
-    if not _is_of_file(name):
-        raise ImageError(
-            "The name '{name}' has a folder in it, and is that of files alone: leave out all before"
-            " the last slash, and the slash.",
-            name=name,
-        )
-
+    _check_plain(name)
     named = _named(scene, _stem(name), frames)
     for text in named.values():
-        if not _is_of_file(text):
-            raise ImageError(
-                "The name '{name}' becomes '{text}', which has a folder in it, and is that of files"
-                " alone: leave out what stands for it.",
-                name=name,
-                text=text,
-            )
+        _check_plain(text)
     return {frame: folder / f"{text}{FORMATS[form].suffix}" for frame, text in named.items()}
 
 
@@ -84,8 +72,10 @@ def _stem(name: str) -> str:
     return name.removesuffix(suffix) if suffix.lower() in SUFFIXES else name
 
 
-def _is_of_file(name: str) -> bool:
-    return "/" not in name and "\\" not in name
+def _check_plain(name: str) -> None:
+    """Raise ImageError for a file name with a folder in it."""
+    if "/" in name or "\\" in name:
+        raise ImageError("'{name}' is not a plain file name. Remove the slashes.", name=name)
 
 
 def _named(scene: bpy.types.Scene, stem: str, frames: Iterable[int]) -> dict[int, str]:
@@ -99,8 +89,8 @@ def _named(scene: bpy.types.Scene, stem: str, frames: Iterable[int]) -> dict[int
         return {frame: render.frame_path(frame=frame) for frame in frames}
     except RuntimeError:  # Blender's report
         raise ImageError(
-            "Blender takes the braces in the name '{name}' for a template, which it does not know:"
-            " leave them out, or double each to have the brace itself.",
+            "Blender doesn't know the template in braces in '{name}'. Remove the braces, or"
+            " double them to keep them.",
             name=stem,
         ) from None
     finally:

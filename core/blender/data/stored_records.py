@@ -47,8 +47,7 @@ def fields_of(text: object) -> dict[str, Any]:
         _reported.add(shown)
         _unreported.append(
             Message(
-                "Kiriko ignores a record in this file that is damaged or comes from another"
-                " version: {start}",
+                "Kiriko ignores a damaged record, or one of another version, in this file: {start}",
                 start=shown,
             )
         )

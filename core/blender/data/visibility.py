@@ -15,6 +15,7 @@ from ...base.messages import Message
 
 Switch = tuple[bpy.types.bpy_struct, str]  # its owner, its name
 HIDES = "hide_viewport", "hide_render"  # switches of objects and collections
+IN_VIEWPORT, IN_RENDERS = Message(" in the viewport"), Message(" in renders")
 
 
 class VisibleObjects:
@@ -34,16 +35,14 @@ class VisibleObjects:
             if thing not in self._in_scene:
                 return instance_hidden_by(thing)
             if thing.hide_viewport:
-                return Message(" by its monitor symbol")
+                return IN_VIEWPORT
             if thing in self._in_layer and thing.hide_get(view_layer=self._layer):
-                return Message(" by its eye symbol (H)")
-            return self._by_collection(
-                thing, ("exclude", "hide_viewport"), Message(" in the viewport")
-            )
+                return IN_VIEWPORT
+            return self._by_collection(thing, ("exclude", "hide_viewport"), IN_VIEWPORT)
 
         by = instance_hidden_by(thing)
         if not by and not self._is_rendered(thing):
-            return self._by_collection(thing, ("exclude", "hide_render"), Message(" in renders"))
+            return self._by_collection(thing, ("exclude", "hide_render"), IN_RENDERS)
 
         return by
 
@@ -117,7 +116,7 @@ def instance_hidden_by(thing: bpy.types.Object) -> str:
     """The setting that hides instances of an object, which
     is itself in no scene, or is hidden there.
     """
-    return Message(" in renders by its camera symbol") if thing.hide_render else ""
+    return IN_RENDERS if thing.hide_render else ""
 
 
 def is_source_hidden(instance: bpy.types.DepsgraphObjectInstance) -> bool:
@@ -186,7 +185,7 @@ def show(thing: bpy.types.Object, scene: bpy.types.Scene, layer: bpy.types.ViewL
         by = VisibleObjects(scene, layer).hidden_by(thing)
         if by:
             raise RigError(
-                "'{name}' stays hidden{by}: it is linked from another file, animated or driven.",
+                "'{name}' stays hidden{by} because it is linked, animated or driven.",
                 name=thing.name,
                 by=by,
             )

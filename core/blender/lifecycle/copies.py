@@ -53,8 +53,7 @@ def meant_copies(
     if _is_set(copies) and are_own_single and _is_glass_along(copies):
         return [*chain(*copies.values())]
     raise RigError(
-        "Select the copies of {names} that belong together, and nothing else, then make them a"
-        " rig.",
+        "Select only the copies of {names} that belong together, then press Duplicate Rig.",
         names=quoted(sorted(one.name for one in copies)),
     )
 

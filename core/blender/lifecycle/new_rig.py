@@ -88,7 +88,7 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
     if things and not found:
         thing, why = next(iter(reasons.items()))
         raise RigError(
-            "'{name}' cannot be glass, for {why}: select your glass, or nothing for a ball.",
+            "'{name}' cannot be glass: {why}. Select your glass, or nothing for a ball.",
             name=thing.name,
             why=why,
         )
@@ -114,7 +114,7 @@ def on_left_out(
     may_be = active is not None and active.kiriko.role in {"NONE", "GLASS"} and not bodiless(active)
     if may_be and not things and (by := shown.hidden_by(active)):
         text = Message(
-            "'{name}' is hidden{by}, and nothing is selected: the rig is around a ball.",
+            "'{name}' is hidden{by}, so the rig is built around a ball.",
             name=active.name,
             by=by,
         )
@@ -192,7 +192,7 @@ def _check_bodies(
     for thing in things:
         if by := shown.hidden_by(thing):
             raise RigError(
-                "'{name}' is hidden{by} and cannot be glass: show it, or deselect it.",
+                "'{name}' is hidden{by}. Show it, or deselect it.",
                 name=thing.name,
                 by=by,
             )
@@ -210,8 +210,7 @@ def _check_bodies(
 
         if part.mesh.is_flat:
             raise RigError(
-                "{name} is no closed body, but flat: give it a thickness, as by a Solidify"
-                " modifier, or deselect it.",
+                "{name} is flat. Add a Solidify modifier, or deselect it.",
                 name=name,
             )
 

@@ -133,26 +133,20 @@ def refuse_shared(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
     """
     if not rig.is_editable:
         raise RigError(
-            "The rig '{rig}' is linked from another file: unlink its collection, or make it local"
+            "The rig '{rig}' is linked from another file. Unlink its collection, or make it local"
             " first.",
             rig=rig.name,
         )
 
     for other in bpy.data.scenes:
         if other != scene and rig in other.collection.children_recursive:
-            raise RigError(
-                "The rig is in the scene '{other}', too: unlink its collection '{rig}' there"
-                " first.",
-                other=other.name,
-                rig=rig.name,
-            )
+            raise _shared(rig, other)
 
     for thing in bpy.data.objects:
         group = thing.instance_collection
         if thing.users and group is not None and rig in (group, *group.children_recursive):
             raise RigError(
-                "The object '{name}' is an instance of the rig's collection '{rig}': delete it"
-                " first.",
+                "'{name}' is an instance of the rig's collection '{rig}'. Delete it first.",
                 name=thing.name,
                 rig=rig.name,
             )
@@ -160,11 +154,15 @@ def refuse_shared(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
     for thing in made_objects(scene, rig):
         others = [other for other in thing.users_scene if other != scene]
         if others:
-            raise RigError(
-                "The rig's '{name}' is in the scene '{other}', too: unlink it there first.",
-                name=thing.name,
-                other=others[0].name,
-            )
+            raise _shared(thing, others[0])
+
+
+def _shared(block: bpy.types.ID, other: bpy.types.Scene) -> RigError:
+    return RigError(
+        "'{name}' is also in the scene '{other}'. Unlink it there first.",
+        name=block.name,
+        other=other.name,
+    )
 
 
 def _let_go(thing: bpy.types.Object) -> None:

@@ -168,8 +168,7 @@ def on_thin_walls(materials: Iterable[bpy.types.Material | None]) -> Iterator[Me
         found = () if output is None else shaders(output.inputs["Surface"], ())
         if any(is_thin_wall(node, groups) for node, groups in found):
             yield Message(
-                "The material '{material}' is no glass: Thin Wall is on, so that light goes"
-                " straight through it. Turn Thin Wall off.",
+                "Light goes straight through the material '{material}'. Turn Thin Wall off.",
                 material=material.name,
             )
 
@@ -222,7 +221,7 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
         if is_known
         else (
             Message(
-                "The IOR of '{material}' is driven by nodes: using {ior:.4g}.",
+                "Nodes set the IOR of '{material}'; Kiriko uses {ior:.4g}.",
                 material=material.name,
                 ior=ior,
             ),

@@ -70,7 +70,8 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
     if is_altered:
         notes.append(
             Message(
-                "The material '{name}' alters the colours of '{image}': using the plain image.",
+                "The material '{name}' changes the colours of '{image}'; Kiriko uses the plain"
+                " image.",
                 name=name,
                 image=node.image.name,
             )
@@ -82,7 +83,7 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
     elif end.is_output and not (end.node.type == "TEX_COORD" and end.name == "UV"):
         notes.append(
             Message(
-                "The material '{name}' places '{image}' by nodes: using the plane's UV map.",
+                "Nodes of the material '{name}' place '{image}'; Kiriko uses the plane's UV map.",
                 name=name,
                 image=node.image.name,
             )

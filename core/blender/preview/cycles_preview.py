@@ -93,7 +93,7 @@ class Preview:
         Only the border's part where one was given.
         """
         if not self.is_rendered:
-            raise ImageError("Cycles wrote no preview: look in the console for its reason.")
+            raise ImageError("Cycles wrote no preview. See the console for the reason.")
 
         if has_header(self.path):
             image = mark(bpy.data.images.load(str(self.path), check_existing=False))
@@ -104,8 +104,8 @@ class Preview:
                 return to_rec709(pixels) if self._is_colour else pixels
 
         raise ImageError(
-            "The preview could not be written whole to the folder for temporary files,"
-            " '{folder}': make room on its disk and try again.",
+            "The preview could not be saved in the temporary folder '{folder}'. Free some disk"
+            " space and try again.",
             folder=tempfile.gettempdir(),
         )
 

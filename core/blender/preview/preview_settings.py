@@ -79,7 +79,8 @@ def _use_cycles(render: bpy.types.RenderSettings) -> None:
         render.engine = "CYCLES"
     except TypeError:
         raise RigError(
-            "The preview needs Cycles, but only {engines} is there: enable it.",
+            "The preview needs Cycles, but only {engines} is available. Enable Cycles in the"
+            " preferences.",
             engines=", ".join(sorted(engines)),
         ) from None
 

@@ -16,7 +16,7 @@ from ..data.reports import said_by
 
 RENDERED = "kiriko_rendered"  # marks images that were rendered for a viewer
 COUPLED = {"angle", "angle_x", "angle_y"}  # which tell of the lens in other words
-NO_LAYER = Message("none of its view layers is used for rendering")
+NO_LAYER = Message("no view layer is used for rendering")
 
 
 class Eye(NamedTuple):
@@ -69,8 +69,8 @@ def render_for(other: bpy.types.Scene, eye: Eye, frame: Frame) -> bpy.types.Imag
         camera = eye.camera
         if not path.is_file():
             raise ImageError(
-                "The scene '{scene}' rendered no image for the viewer '{viewer}' ({why}): render it"
-                " by itself, which tells more.",
+                "The scene '{scene}' could not be rendered for the viewer '{viewer}' ({why})."
+                " Render it by itself to learn more.",
                 scene=other.name,
                 viewer=camera.name,
                 why=why or Message("it was stopped"),

@@ -61,7 +61,7 @@ def register() -> None:
     KirikoObject.image = PointerProperty(
         name="Image",
         translation_context=CONTEXT,
-        description="The picture, which the plane's material shows, too",
+        description="Image shown as the picture",
         type=bpy.types.Image,
         update=show_image,
         override=overridden.OVERRIDE,
@@ -69,9 +69,7 @@ def register() -> None:
     KirikoRig.viewer = PointerProperty(
         name="Viewer",
         translation_context=CONTEXT,
-        description="Camera from which the picture shall look undistorted; the scene's camera when"
-        " empty. In a list of viewers it is the first: setting it turns that on and chooses it, and"
-        " the others stay as they are",
+        description="Camera from which the picture looks undistorted; the scene's camera if empty",
         type=bpy.types.Object,
         poll=is_camera,
         update=turn_on,
@@ -80,8 +78,7 @@ def register() -> None:
     KirikoViewer.camera = PointerProperty(
         name="Camera",
         translation_context=CONTEXT,
-        description="Camera that looks at the display, too; the first entry is the rig's viewer"
-        " when empty",
+        description="Camera of this viewer; the rig's viewer if the first entry is empty",
         type=bpy.types.Object,
         poll=is_camera,
         override=overridden.OVERRIDE,
@@ -93,31 +90,17 @@ def register() -> None:
 
 def _attach() -> None:
     """Give Blender's types their groups of settings."""
-    bpy.types.Object.kiriko = PointerProperty(
-        name="Kiriko",
-        description="This object's part in the rig",
-        type=KirikoObject,
-        override=overridden.OVERRIDE,
-    )
+    bpy.types.Object.kiriko = PointerProperty(type=KirikoObject, override=overridden.OVERRIDE)
     bpy.types.Material.kiriko = PointerProperty(
-        name="Kiriko", description="What Kiriko remembers of the material", type=KirikoMaterial
+        description="What Kiriko remembers of the material", type=KirikoMaterial
     )
-    bpy.types.Collection.kiriko = PointerProperty(
-        name="Kiriko",
-        description="How the rig in the collection is solved and exported",
-        type=KirikoRig,
-        override=overridden.OVERRIDE,
-    )
-    bpy.types.Scene.kiriko_scene = PointerProperty(
-        name="Kiriko",
-        description="The scene's active rig",
-        type=KirikoScene,
-    )
+    bpy.types.Collection.kiriko = PointerProperty(type=KirikoRig, override=overridden.OVERRIDE)
+    bpy.types.Scene.kiriko_scene = PointerProperty(type=KirikoScene)
     bpy.types.Scene.kiriko = property(
         active_settings, doc="Settings, viewers and result of the scene's active rig"
     )
     bpy.types.WindowManager.kiriko = PointerProperty(
-        name="Kiriko", description="What the interface shows of a rig", type=KirikoView
+        description="What the interface shows of a rig", type=KirikoView
     )
 
 

@@ -10,16 +10,16 @@ from ..data.paths import RELATIVE_PATH
 
 LATTICES = (
     ("DOTS", "Dots", "Bright dots on black"),
-    ("GRID", "Grid", "Bright lines on black; where they cross is measured"),
+    ("GRID", "Grid", "Bright lines on black; their crossings are measured"),
 )
 KEPT = (
     (
         "OFFSET",
         "As Offset",
-        "Solve for the fitted rig from now on; the objects stay where they are",
+        "Solve for the fitted rig from now on; the objects stay in place",
     ),
-    ("SCENE", "In the Scene", "Move the objects, and set their optical properties, as fitted"),
-    ("NONE", "Not at All", "Only tell the result"),
+    ("SCENE", "In the Scene", "Move the objects and set their optical properties as fitted"),
+    ("NONE", "Not at All", "Only report the result"),
 )
 
 
@@ -27,15 +27,15 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     """Measurements of a real bench, its likely errors, and the result."""
 
     columns: IntProperty(
-        name="Columns", description="Points of the lattice across", default=7, min=2, max=99
+        name="Columns", description="Number of lattice points across", default=7, min=2, max=99
     )
     rows: IntProperty(
-        name="Rows", description="Points of the lattice down", default=7, min=2, max=99
+        name="Rows", description="Number of lattice points down", default=7, min=2, max=99
     )
     margin: FloatProperty(
         name="Border",
-        description="From the picture's borders to the first and last points, as a share of its"
-        " width and height",
+        description="Distance from the picture's border to the outermost points, as a fraction of"
+        " its width and height",
         default=1 / 14,  # as in the picture of Add Rig
         min=0.0,
         max=0.45,
@@ -43,22 +43,22 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     style: EnumProperty(
         name="Style",
-        description="The look of the lattice's picture",
+        description="Look of the lattice picture",
         items=LATTICES,
         default="DOTS",
     )
     filepath: StringProperty(
         name="Measured",
-        description="Photograph of the lattice as seen, or CSV of its points: column, row, x, y,"
-        " or only x, y",
+        description="Photograph of the lattice, or a CSV of its points with the columns column,"
+        " row, x, y or only x, y",
         default="",
         subtype="FILE_PATH",
         options=RELATIVE_PATH,
     )
     size: IntVectorProperty(
         name="Pixels",
-        description="Width and height of the photograph in which a CSV's positions were"
-        " measured; 0: the viewer's own pixels",
+        description="Width and height of the photograph the CSV was measured in; 0 = the viewer's"
+        " resolution",
         size=2,
         default=(0, 0),
         min=0,
@@ -66,7 +66,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     noise: FloatProperty(
         name="Noise",
-        description="Likely error of a measured position, in pixels of the photograph",
+        description="Likely error of a measured point, in pixels of the photograph",
         default=0.3,
         min=1e-3,
         soft_max=5.0,
@@ -76,7 +76,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     shift: FloatProperty(
         name="Shift",
-        description="Likely error of a part's place, in millimetres; 0: every place is exact",
+        description="Likely error of a part's position, in millimetres; 0 = exact",
         default=TOLERANCES["shift"],
         min=0.0,
         soft_max=10.0,
@@ -87,7 +87,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     turn: FloatProperty(
         name="Turn",
-        description="Likely error of a part's direction; 0: every direction is exact",
+        description="Likely error of a part's rotation; 0 = exact",
         default=radians(TOLERANCES["turn"]),
         min=0.0,
         max=radians(30.0),
@@ -97,7 +97,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     index: FloatProperty(
         name="Index",
-        description="Likely error of a glass's index of refraction; 0: it is exact",
+        description="Likely error of a glass's index of refraction; 0 = exact",
         default=TOLERANCES["index"],
         min=0.0,
         max=0.5,
@@ -106,7 +106,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     focal: FloatProperty(
         name="Focal Length",
-        description="Likely error of the camera's focal length, in per cent; 0: it is exact",
+        description="Likely error of the camera's focal length, in per cent; 0 = exact",
         default=TOLERANCES["focal"],
         min=0.0,
         max=20.0,
@@ -116,7 +116,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     crossing: FloatProperty(
         name="Crossing",
-        description="Likely error of the right angle between a plate's layers; 0: it is exact",
+        description="Likely error of the right angle between a plate's layers; 0 = exact",
         default=radians(TOLERANCES["crossing"]),
         min=0.0,
         max=radians(5.0),
@@ -126,8 +126,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     mirror: FloatProperty(
         name="Mirror Height",
-        description="Likely error of the height of a plate's mirrors, in millimetres; 0: it is"
-        " exact",
+        description="Likely error of the height of a plate's mirrors, in millimetres; 0 = exact",
         default=TOLERANCES["mirror"],
         min=0.0,
         max=10.0,
@@ -137,13 +136,9 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     keep: EnumProperty(
         name="Keep",
-        description="The use that is made of the fitted rig",
+        description="How to use the fitted rig",
         items=KEPT,
         default="OFFSET",
     )
-    found: StringProperty(name="Found", description="The last calibration's result, as JSON")
-    offset: StringProperty(
-        name="Offset",
-        description="Amounts by which the rig is off, by name, one set for each"
-        " calibration, as JSON",
-    )
+    found: StringProperty()
+    offset: StringProperty()

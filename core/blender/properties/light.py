@@ -4,8 +4,8 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty
 
 ENCODINGS = (
-    ("SRGB", "sRGB", "The curve that most displays have, and expect of image files"),
-    ("POWER", "Power", "A power of the light, as displays have that are calibrated so"),
+    ("SRGB", "sRGB", "The curve of most displays and image files"),
+    ("POWER", "Power", "A power curve, for displays calibrated to a fixed gamma"),
 )
 
 
@@ -14,8 +14,8 @@ class KirikoPicture(bpy.types.PropertyGroup):
 
     brightness: FloatProperty(
         name="Picture Brightness",
-        description="Times the light of the image: lower it where the source image would be"
-        " brighter than the display's white",
+        description="Factor for the picture's light; lower it if the source image exceeds the"
+        " display's white",
         default=1.0,
         min=0.0,
         max=10.0,
@@ -25,7 +25,7 @@ class KirikoPicture(bpy.types.PropertyGroup):
     )
     gamma: FloatProperty(
         name="Picture Gamma",
-        description="Above 1 the tones between black and white get lighter, below 1 darker",
+        description="Values above 1 lighten the mid-tones, values below 1 darken them",
         default=1.0,
         min=0.1,
         soft_min=0.3,
@@ -36,7 +36,7 @@ class KirikoPicture(bpy.types.PropertyGroup):
     )
     black_level: FloatProperty(
         name="Picture Black Level",
-        description="Light of the image that becomes black; the rest is spread up to white",
+        description="Light that is mapped to black; the rest is spread up to white",
         default=0.0,
         min=0.0,
         soft_max=0.5,
@@ -52,13 +52,13 @@ class KirikoDisplay(bpy.types.PropertyGroup):
 
     encoding: EnumProperty(
         name="Encoding",
-        description="The curve from numbers in an exported file to light; OpenEXR has linear light",
+        description="Curve from values in the exported file to light; OpenEXR is always linear",
         items=ENCODINGS,
         default="SRGB",
     )
     gamma: FloatProperty(
         name="Gamma",
-        description="Light is the number in the file to this power",
+        description="Exponent from values in the file to light",
         default=2.2,
         min=1.0,
         max=4.0,
@@ -69,8 +69,7 @@ class KirikoDisplay(bpy.types.PropertyGroup):
     )
     black_level: FloatProperty(
         name="Black Level",
-        description="Share of white's light that a black pixel shines all the same: 0.001 on a"
-        " display with a contrast of 1000 to 1",
+        description="Light of a black pixel relative to white: 0.001 for a contrast of 1000 to 1",
         default=0.0,
         min=0.0,
         soft_max=0.1,
@@ -81,7 +80,7 @@ class KirikoDisplay(bpy.types.PropertyGroup):
     )
     white: FloatProperty(
         name="White (cd/m\N{SUPERSCRIPT TWO})",
-        description="Luminance of a white pixel: by it the result tells how bright the picture is",
+        description="Luminance of a white pixel, from which the picture's brightness is computed",
         default=250.0,
         min=0.1,
         soft_min=50.0,

@@ -20,7 +20,7 @@ from .light import KirikoDisplay, KirikoPicture
 
 # None, then the roles by their numbers, which Blender's files keep
 ROLE_ITEMS = (
-    ("NONE", "None", "No part of the rig: light passes as if it were not there", "X", 0),
+    ("NONE", "None", "Ignored by Kiriko", "X", 0),
     *sorted(
         (
             (role.name, role.label, role.tip, role.icon, role.number)
@@ -34,45 +34,43 @@ PLATE_MODELS = (
     (
         "IDEAL",
         "Ideal",
-        "A law without mirrors: every ray goes to the mirror image of its origin",
+        "Perfect plate: every ray goes to the mirror image of its origin",
     ),
     (
         "CROSSED",
         "Two Layers (MMAP)",
-        "Two layers of mirrors, crossed at right angles, as in ASKA3D plates",
+        "Two layers of mirrors crossed at right angles, as in ASKA3D plates",
     ),
     (
         "HOLES",
         "Square Holes (DCRA)",
-        "Holes with mirrors in both directions on their walls, in one layer",
+        "One layer of square holes with mirrored walls",
     ),
     (
         "RADIAL",
         "Radial Holes (DCRA)",
-        "Such holes, turned with the azimuth about the plate's origin",
+        "Square holes rotated with the azimuth around the plate's origin",
     ),
 )
 SURFACES = (
     (
         "AUTOMATIC",
         "Automatic",
-        "Smooth where the mesh is regular enough to tell the curved surface, between both where it"
-        " is irregular, as drawn elsewhere",
+        "Smooth where the mesh is regular, a blend where it is irregular, as drawn elsewhere",
         "NONE",
         2,
     ),
     (
         "SMOOTH",
         "Smooth",
-        "The curved surface that smooth shading stands for; flat faces and sharp edges stay as"
-        " drawn",
+        "Curved surface implied by smooth shading; flat faces and sharp edges stay as drawn",
         "NONE",
         0,
     ),
     (
         "FACETS",
         "As Drawn",
-        "The facets of the mesh as they are: smooth shading only interpolates their normals",
+        "Facets of the mesh; smooth shading only interpolates their normals",
         "NONE",
         1,
     ),
@@ -93,13 +91,13 @@ class KirikoPlate(bpy.types.PropertyGroup):
 
     model: EnumProperty(
         name="Model",
-        description="The plate's make: mirrors bring stray light, dimness and blur",
+        description="Type of plate; mirrors add stray light, dimming and blur",
         items=PLATE_MODELS,
         default="IDEAL",
     )
     pitch: FloatProperty(
         name="Pitch",
-        description="From mirror to mirror, in millimetres whatever the scene's unit",
+        description="Distance between mirrors, always in millimetres",
         default=1e3 * PLATES["ASKA3D-488"].array.pitch,
         min=1e-3,
         soft_min=0.1,
@@ -110,8 +108,8 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     height: FloatProperty(
         name="Height",
-        description="Height of one layer's mirrors, in pitches: it sets the angle at which the"
-        " plate is brightest",
+        description="Height of one layer's mirrors in pitches, which sets the angle of greatest"
+        " brightness",
         default=2.5,
         min=0.01,
         soft_max=10.0,
@@ -131,7 +129,7 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     reflectance: FloatProperty(
         name="Reflectance",
-        description="Share of light that a mirror reflects",
+        description="Fraction of light reflected by a mirror",
         default=0.87,
         min=0.001,
         max=1.0,
@@ -139,8 +137,7 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     crossing_error: FloatProperty(
         name="Crossing Error",
-        description="Angle by which the layers are crossed beyond 90 degrees; the image turns"
-        " by twice as much",
+        description="Deviation of the layers from 90 degrees; the image turns by twice as much",
         default=0.0,
         min=-MOST_CROSSING_ERROR,
         max=MOST_CROSSING_ERROR,
@@ -150,13 +147,12 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     fresnel: BoolProperty(
         name="Glass Reflections",
-        description="The plate's two faces reflect a part of the light",
+        description="Include reflections at the plate's two faces",
         default=True,
     )
     phase: FloatVectorProperty(
         name="Phase",
-        description="Distance of the mirrors of each direction from the object's origin, in"
-        " pitches",
+        description="Offset of the mirrors in each direction from the object's origin, in pitches",
         size=2,
         default=(0.0, 0.0),
         soft_min=0.0,
@@ -168,23 +164,14 @@ class KirikoPlate(bpy.types.PropertyGroup):
 class KirikoSlot(bpy.types.PropertyGroup):
     """A material slot as it was before Make It Glass."""
 
-    link: StringProperty(name="Link", description="To the object or its data", options={"HIDDEN"})
-    material: PointerProperty(
-        name="Material",
-        description="The material in the slot",
-        type=bpy.types.Material,
-        options={"HIDDEN"},
-    )
+    link: StringProperty(options={"HIDDEN"})
+    material: PointerProperty(type=bpy.types.Material, options={"HIDDEN"})
 
 
 class KirikoMaterial(bpy.types.PropertyGroup):
     """What Kiriko remembers of a material."""
 
-    alpha_before: FloatProperty(
-        name="Alpha Before",
-        description="Opacity in Solid before Add Rig made the material see-through; 0: it did not",
-        options={"HIDDEN"},
-    )
+    alpha_before: FloatProperty(options={"HIDDEN"})
 
 
 class KirikoObject(bpy.types.PropertyGroup):
@@ -198,13 +185,13 @@ class KirikoObject(bpy.types.PropertyGroup):
     )
     use_ior: BoolProperty(
         name="Override IOR",
-        description="Bend light by the index below instead of the one in the material",
+        description="Use the index below instead of the material's",
         default=False,
     )
     ior: FloatProperty(
         name="IOR",
-        description="Index of refraction: the higher, the more the glass bends the picture"
-        " (acrylic 1.49, N-BK7 1.517)",
+        description="Index of refraction; a higher index bends light more (acrylic 1.49, N-BK7"
+        " 1.517)",
         default=1.49,
         min=0.1,
         soft_min=1.0,
@@ -215,73 +202,42 @@ class KirikoObject(bpy.types.PropertyGroup):
     )
     priority: IntProperty(
         name="Priority",
-        description="Where two glass objects overlap, the one with the higher number counts;"
-        " among equals the smaller object",
+        description="Where glass objects overlap, the higher number counts, then the smaller"
+        " object",
         default=0,
         min=-1000,
         max=1000,
         soft_min=-10,
         soft_max=10,
     )
-    plate: PointerProperty(name="Plate", description="The plate's make", type=KirikoPlate)
-    picture: PointerProperty(
-        name="Picture", description="How light the picture is wanted", type=KirikoPicture
-    )
-    display: PointerProperty(
-        name="Display", description="How the display shines", type=KirikoDisplay
-    )
+    plate: PointerProperty(type=KirikoPlate)
+    picture: PointerProperty(type=KirikoPicture)
+    display: PointerProperty(type=KirikoDisplay)
     surface: EnumProperty(
         name="Surface",
-        description="The surface that smooth shading stands for; facets bend the picture where a"
-        " curve was meant",
+        description="Surface that light meets where the mesh is shaded smooth",
         items=SURFACES,
         default="AUTOMATIC",
     )
     use_resolution: BoolProperty(
         name="Own Resolution",
-        description="Give the viewer square pixels of its own in place of the render's; the"
-        " camera's frame in the viewport keeps the shape of the render",
+        description="Give the viewer its own resolution instead of the render's; the camera frame"
+        " in the viewport stays the render's",
         default=False,
     )
     resolution: IntVectorProperty(
         name="Resolution",
-        description="Width and height in pixels of the display, and so of the source image, or"
-        " of the viewer's image",
+        description="Width and height in pixels, of a display's source image or of a viewer's"
+        " image",
         size=2,
         default=(1024, 1024),
         min=1,
         max=32768,
     )
-    taken_as: StringProperty(
-        name="Taken As",
-        description="The name of glass when Add Rig took it into a rig, which copies have, too",
-        options={"HIDDEN"},
-    )
-    is_made_glass: BoolProperty(
-        name="Was No Glass",
-        description="Add Rig gave the object its role",
-        options={"HIDDEN"},
-    )
-    is_drawn_by_edges: BoolProperty(
-        name="Is Drawn by Edges",
-        description="Add Rig set Display As to Wire",
-        options={"HIDDEN"},
-    )
-    is_given: BoolProperty(
-        name="Is Given",
-        description="Make It Glass gave the object its material",
-        options={"HIDDEN"},
-    )
-    given: CollectionProperty(
-        name="Given",
-        description="Its own material slots, before",
-        type=KirikoSlot,
-        options={"HIDDEN"},
-    )
+    taken_as: StringProperty(options={"HIDDEN"})
+    is_made_glass: BoolProperty(options={"HIDDEN"})
+    is_drawn_by_edges: BoolProperty(options={"HIDDEN"})
+    is_given: BoolProperty(options={"HIDDEN"})
+    given: CollectionProperty(type=KirikoSlot, options={"HIDDEN"})
     # image: see `register`
-    is_image_shown: BoolProperty(
-        name="Image Is Shown",
-        description="The plane's own material shows the image that was chosen, and tells the"
-        " picture from then on",
-        options={"HIDDEN"},
-    )
+    is_image_shown: BoolProperty(options={"HIDDEN"})

@@ -7,9 +7,9 @@ from ...base.messages import CONTEXT
 from ..data.rigs import rigs
 
 IMAGES = (
-    ("BEFORE", "Uncompensated", "Seen through the glass while the display shows the plain picture"),
-    ("AFTER", "Corrected", "Seen through the glass while the display shows the source image"),
-    ("IDEAL", "Ideal", "The picture as it would be seen with no glass in the way"),
+    ("BEFORE", "Uncompensated", "View through the glass with the plain picture on the display"),
+    ("AFTER", "Corrected", "View through the glass with the source image on the display"),
+    ("IDEAL", "Ideal", "The picture as seen without glass"),
     ("SOURCE", "Source", "The source image, as the display shows it"),
 )
 
@@ -18,10 +18,7 @@ class KirikoView(bpy.types.PropertyGroup):
     """What the interface shows of a rig."""
 
     # show_overlay, left, right, wipe and show_rig: see `add`
-    show_comparison: BoolProperty(
-        name="Before and After",
-        description="Show what the viewer sees with and without compensation over the camera view",
-    )
+    show_comparison: BoolProperty(options={"HIDDEN"})
 
 
 def redraw(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -53,8 +50,8 @@ def add() -> None:
     """Add the properties that have callbacks, by hand as those of objects and scenes are."""
     KirikoView.show_overlay = BoolProperty(
         name="Kiriko Light Path",
-        description="Draw the light's way over the viewport while the Kiriko tab is open: of the"
-        " picture's corners and middle, green where it arrives, red where it is lost",
+        description="Draw light paths from the picture's corners and centre while the Kiriko tab"
+        " is open: green if light arrives, red if it is lost",
         default=True,
         update=redraw,
     )
@@ -76,7 +73,7 @@ def add() -> None:
     )
     KirikoView.wipe = FloatProperty(
         name="Wipe",
-        description="Where the handle stands, from left to right",
+        description="Position of the handle, from left to right",
         default=0.5,
         min=0.0,
         max=1.0,
@@ -86,7 +83,7 @@ def add() -> None:
     KirikoView.show_rig = StringProperty(
         name="Shown Rig",
         translation_context=CONTEXT,
-        description="The rig whose source image the show window shows; the active one when empty",
+        description="Rig shown in the show window; the active one if empty",
         search=names_of_rigs,
         update=redraw_shows,
     )

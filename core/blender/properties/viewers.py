@@ -17,7 +17,7 @@ class KirikoViewer(bpy.types.PropertyGroup):
     # camera: see `register`
     weight: FloatProperty(
         name="Weight",
-        description="How much the viewer counts beside others where they disagree",
+        description="Weight of this viewer where viewers disagree",
         default=1.0,
         soft_min=0.01,
         soft_max=10.0,
@@ -26,11 +26,11 @@ class KirikoViewer(bpy.types.PropertyGroup):
     )
     is_on: BoolProperty(
         name="Use",
-        description="The source image is made for this viewer, too",
+        description="Solve for this viewer as well",
         default=True,
     )
     image: PointerProperty(
         name="Own Image",
-        description="Picture in this viewer's own pixels, where each viewer has one for itself",
+        description="Picture for this viewer alone, in its own pixels",
         type=bpy.types.Image,
     )

@@ -69,8 +69,7 @@ def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]
             notes += on_thin_walls(part.materials)
             notes.append(
                 Message(
-                    "The glass '{name}' has no refractive material: using an index of"
-                    " refraction of {ior}.",
+                    "The material of '{name}' isn't glass; Kiriko uses an IOR of {ior}.",
                     name=part.owner.name,
                     ior=ior,
                 )
@@ -121,8 +120,7 @@ def _notes_on_materials(part: WorldPart, readings: list[MaterialReading]) -> lis
         listed = quoted(plain)
         notes.append(
             Message(
-                "The glass '{name}' has faces of a material that does not refract"
-                " ({listed}): they count as glass, too.",
+                "'{name}' has faces whose material isn't glass ({listed}); they count as glass.",
                 name=name,
                 listed=listed,
             )
@@ -134,8 +132,8 @@ def _notes_on_materials(part: WorldPart, readings: list[MaterialReading]) -> lis
         listed = ", ".join(f"{ior:.4g}" for ior in sorted(others))
         notes.append(
             Message(
-                "The glass '{name}' has materials with different indices: all of it has"
-                " {ior:.4g}, the index of '{material}', and not {listed}.",
+                "The materials of '{name}' have different IORs; Kiriko uses {ior:.4g} of"
+                " '{material}', not {listed}.",
                 name=name,
                 ior=readings[0].ior,
                 material=readings[0].material_name,
@@ -189,8 +187,7 @@ def shown_image(part: WorldPart) -> tuple[bpy.types.Image, Timing | None, list[s
     image = chosen_image(part.owner)
     if image is None and texture is None:
         raise RigError(
-            "The picture '{name}' shows no image: give its material an image texture, or"
-            " choose an image in its Kiriko settings.",
+            "'{name}' shows no image. Choose one.",
             name=name,
         )
 
@@ -200,8 +197,8 @@ def shown_image(part: WorldPart) -> tuple[bpy.types.Image, Timing | None, list[s
     elif texture is not None:
         notes.append(
             Message(
-                "The picture '{name}' shows '{shown}', but '{image}' is chosen and solved:"
-                " choose it again in the Kiriko tab, to have it shown.",
+                "'{name}' shows '{shown}', but '{image}' is solved. Choose '{image}' again in the"
+                " Kiriko tab to show it.",
                 name=name,
                 shown=texture.image.name,
                 image=image.name,
@@ -233,7 +230,7 @@ def read_picture(part: WorldPart, kept: ShapeCache) -> tuple[Picture, list[str]]
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), pixels.shape[1::-1])):
         notes.append(
             Message(
-                "The image '{image}' is {squeezed} on the picture '{name}': {remedy}.",
+                "The image '{image}' is {squeezed} on '{name}': {remedy}.",
                 image=image.name,
                 squeezed=squeezed,
                 name=name,

@@ -71,7 +71,7 @@ def laid_out(
 
     size = None if axes is None else sides(axes @ np.array(thing.matrix_world, float)[:3, :3].T)
     if size is None:
-        raise RigError("its UV map does not lay the image out as one rectangle")
+        raise RigError("its UV map is not one rectangle")
     if not min(size):
         raise RigError("it has no size")
 
@@ -87,7 +87,7 @@ def axis_factors(axes: Floats, factors_of_ways: Floats) -> Floats:
         for row, length in zip(off, lengths, strict=True)
     ]
     if along == [None, None]:
-        raise RigError("its mesh is turned within the object: scale it by hand in Edit Mode")
+        raise RigError("its mesh is rotated in the object (scale it in Edit Mode)")
 
     # a thing without thickness may be scaled along it, too, so that an even scale stays even
     factors = np.full(3, np.sqrt(np.prod(factors_of_ways)))

@@ -122,7 +122,7 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
                 if first != last
                 else Message("parts of '{first}'", first=first)
             )
-            reasons[Message("{who} touch or overlap, which Cycles cannot follow", who=who)] = None
+            reasons[Message("{who} touch or overlap, which Cycles cannot render", who=who)] = None
 
         # the index is a ratio to the innermost solid around it
         around = max((j for j in near if solids.holds(j, i)), key=solids.rank, default=None)
@@ -138,7 +138,7 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
     found = []
     for k, glass in enumerate(glasses):
         if len(ratios[k]) > 1:
-            reasons[Message("parts of '{glass}' lie in different media", glass=glass.name)] = None
+            reasons[Message("parts of '{name}' are in different media", name=glass.name)] = None
 
         own = [
             surface
@@ -148,9 +148,7 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
         side = _side(glass, own)
         if abs(abs(side) - 1) > SAME_VOLUMES:
             reasons[
-                Message(
-                    "some faces of '{glass}' look inward: recalculate its normals", glass=glass.name
-                )
+                Message("normals of '{name}' point inward (recalculate them)", name=glass.name)
             ] = None
 
         found.append(Interface(next(iter(ratios[k]), None), side < 0))
@@ -185,15 +183,17 @@ def reasons(glasses: tuple[Glass, ...], materials: Iterable[MaterialReading]) ->
     for glass, shown in zip(glasses, found, strict=True):
         is_nested = shown.index is None or abs(shown.index - glass.ior.at(WAVELENGTH)) > SAME
         if is_nested and not notes:
-            told.append(Message("'{name}' lies in other glass", name=glass.name))
+            told.append(Message("'{name}' is inside other glass", name=glass.name))
         if shown.is_inside_out:
-            told.append(Message("the faces of '{name}' look inward", name=glass.name))
+            told.append(
+                Message("normals of '{name}' point inward (recalculate them)", name=glass.name)
+            )
 
     for one in materials:
         if one.own_ior is not None and abs(one.own_ior - one.ior) > SAME:
             told.append(
                 Message(
-                    "the Override IOR of '{name}' is not that of its material",
+                    "the Override IOR of '{name}' differs from its material",
                     name=one.object_name,
                 )
             )

@@ -104,7 +104,7 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
     if is_animated(thing):
         raise RigError("it is animated")
     if any((*thing.lock_location, *thing.lock_rotation)):
-        raise RigError("its place is locked")
+        raise RigError("its location or rotation is locked")
 
     context.view_layer.update()
     before = thing.matrix_basis.copy(), thing.matrix_parent_inverse.copy()
@@ -253,6 +253,6 @@ def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
     if thick > SQUARE * width:
         raise RigError("it is not flat")
     if abs(width - height) > SQUARE * width:
-        raise RigError("its mesh is turned within the object, and is no square")
+        raise RigError("its mesh is rotated in the object and not square")
 
     return np.full(3, side / width)

@@ -58,18 +58,22 @@ def read_viewer_image(
     for viewer in viewers[:1]:
         off = abs(place.width * viewer.height - place.height * viewer.width)
         if off > max(viewer.width, viewer.height):
-            notes.append(
-                Message(
-                    "The picture image '{image}' has {width} x {height} pixels, the viewer"
-                    " {viewer_width} x {viewer_height}: it is stretched to fit.",
-                    image=image.name,
-                    width=place.width,
-                    height=place.height,
-                    viewer_width=viewer.width,
-                    viewer_height=viewer.height,
-                )
-            )
+            notes.append(_on_stretched(image, pixels, viewer))
     return [place.showing(pixels)], notes
+
+
+def _on_stretched(image: bpy.types.Image, pixels: NDArray[np.float32], viewer: Viewer) -> Message:
+    """The note on an image of another size than its viewer's."""
+    return Message(
+        "The image '{image}' ({width} x {height} pixels) is stretched to fit the viewer '{viewer}'"
+        " ({viewer_width} x {viewer_height}).",
+        image=image.name,
+        width=pixels.shape[1],
+        height=pixels.shape[0],
+        viewer=viewer.name,
+        viewer_width=viewer.width,
+        viewer_height=viewer.height,
+    )
 
 
 def _read_each(
@@ -84,18 +88,7 @@ def _read_each(
         found.append(OwnImage(viewer.name, pixels))
         notes += remarks
         if pixels.shape[1::-1] != (viewer.width, viewer.height):
-            notes.append(
-                Message(
-                    "The image '{image}' has {width} x {height} pixels, its viewer '{viewer}'"
-                    " {viewer_width} x {viewer_height}: it is stretched to fit.",
-                    image=image.name,
-                    width=pixels.shape[1],
-                    height=pixels.shape[0],
-                    viewer=viewer.name,
-                    viewer_width=viewer.width,
-                    viewer_height=viewer.height,
-                )
-            )
+            notes.append(_on_stretched(image, pixels, viewer))
     return [Picture(own[0][0].name, found[0].image, own=tuple(found))], notes
 
 
@@ -135,8 +128,8 @@ def modifier_notes(parts: list[WorldPart]) -> list[str]:
     )
     return [
         Message(
-            "The modifier '{modifier}' of '{name}' leaves the vertices off the curved"
-            " surface: {remedy}.",
+            "The modifier '{modifier}' of '{name}' moves vertices off the curved surface:"
+            " {remedy}.",
             modifier=m.name,
             name=o.name,
             remedy=remedy,
@@ -157,7 +150,7 @@ def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
         and modifier.subdivision_type == "CATMULL_CLARK"
         and not modifier.use_limit_surface
     ):
-        return Message("turn on its Use Limit Surface")
+        return Message("turn on Use Limit Surface")
 
     is_collapsed = (
         modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
@@ -179,8 +172,8 @@ def scene_notes(
     if depsgraph.mode == "VIEWPORT":
         notes += [
             Message(
-                "'{name}' has another shape in renders than in the viewport (modifiers): using"
-                " the viewport's.",
+                "'{name}' has different modifiers in viewport and renders; Kiriko uses the"
+                " viewport's shape.",
                 name=o.name,
             )
             for o in dict.fromkeys(part.owner for part in parts)
@@ -188,9 +181,7 @@ def scene_notes(
         ]
 
     notes += [
-        Message(
-            "The viewer '{viewer}' has depth of field: solved as a pinhole.", viewer=camera.name
-        )
+        Message("Kiriko ignores the depth of field of '{viewer}'.", viewer=camera.name)
         for camera in cameras
         if camera.type == "CAMERA" and camera.data.dof.use_dof
     ]
@@ -325,7 +316,7 @@ def read_viewers(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> tupl
     """
     seats = seats_of(scene)
     if not seats and len(scene.kiriko.viewers):
-        raise RigError("All viewers in the list are off: turn one on.")
+        raise RigError("All viewers are off. Turn one on.")
     return tuple(read_seat(seat, depsgraph, scene) for seat in seats)
 
 
@@ -338,13 +329,13 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
     if is_deleted(camera) or not is_placed(camera, depsgraph):
         if not camera.users_scene:
             raise RigError(
-                "The viewer '{viewer}' is in no scene any more, as after deleting it: take it out"
-                " of the list of viewers, or choose another camera.",
+                "The viewer '{viewer}' is not in any scene. Remove it from the viewer list, or"
+                " choose another camera.",
                 viewer=camera.name,
             )
         raise RigError(
-            "The viewer '{viewer}' is disabled or left out of the view layer, so that its"
-            " place is unknown: enable it, or make it the scene's camera.",
+            "The viewer '{viewer}' is disabled or not in the view layer. Enable it, or make it"
+            " the scene's camera.",
             viewer=camera.name,
         )
 
@@ -358,7 +349,7 @@ def _read_image(
     """The picture in the viewers' own pixels, with notes, also on planes that are not used."""
     pictures, notes = read_viewer_image(scene, seats_of(scene), viewers, kept)
     unused = [
-        Message("The picture plane '{name}' is not used: the picture is an image.", name=part.name)
+        Message("The picture plane '{name}' is ignored: the picture is an image.", name=part.name)
         for part in planes
     ]
     return pictures, notes + unused
@@ -380,13 +371,13 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
     rig, unknown = with_offset(rig, kept)
     notes = [
         Message(
-            "The calibration's offset names '{name}', which this rig does not have:"
-            " calibrate again, or remove the offset.",
+            "The calibration's offset names '{name}', which is not in this rig. Calibrate again,"
+            " or remove the offset.",
             name=name,
         )
         for name in unknown
     ]
-    return rig, [Message("The calibration's offset is in this rig."), *notes]
+    return rig, [Message("This rig includes the calibration's offset."), *notes]
 
 
 def object_matrix(linear: Floats, shift: Floats, metres: float) -> Floats:

@@ -12,7 +12,7 @@ from ...base.arrays import Floats
 from ...base.errors import RigError
 from ...base.messages import Message
 from ...rig.rig import ROLES, Mesh
-from ..data.bodies import check_body, has_no_place, on_no_place, role_label
+from ..data.bodies import check_body, has_no_place, on_no_place
 from ..data.lost_data import find_lost, on_lost, placeholders_of, refuse_lost
 from ..data.rigs import elsewhere
 from ..data.visibility import VisibleObjects, is_source_hidden
@@ -248,24 +248,22 @@ def notes_on_parts(
     """
     notes = [
         Message(
-            "'{name}' has the role {role} but is hidden{by}: left out.",
+            "'{name}' is hidden{by} and ignored.",
             name=o.name,
-            role=role_label(o),
             by=by,
         )
         if by
         else Message(
-            "'{name}' has the role {role} but shows nothing: left out.",
+            "'{name}' shows no surface and is ignored.",
             name=o.name,
-            role=role_label(o),
         )
         for o, by in unmet.items()
     ]
     full = {part.owner for part in parts if len(part.mesh.triangles)}
     notes += [
         Message(
-            "The metaball '{name}' belongs to the family of another one: give the role to"
-            " the first of the family.",
+            "The metaball '{name}' belongs to another one's family. Give the role to the family's"
+            " first metaball.",
             name=o.name,
         )
         for o in scene.objects
@@ -273,7 +271,7 @@ def notes_on_parts(
     ]
     notes += [
         Message(
-            "'{name}' has {n} triangle{s} without area: left out.",
+            "Kiriko ignores {n} triangle{s} of '{name}' without area.",
             name=part.name,
             n=part.n_dropped,
             s="s" if part.n_dropped > 1 else "",

@@ -22,8 +22,8 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
     """Raise ImageError where an image has no pixels to read. Loads the file if need be."""
     if image.type in UNREADABLE:
         raise ImageError(
-            "'{image}' cannot be {owner}, for it is in the Image Editor only: save it there"
-            " (Image > Save As), and choose that file.",
+            "'{image}' exists only in the Image Editor. Save it there (Image > Save As) and"
+            " choose the file.",
             image=image.name,
             owner=owner,
         )
@@ -32,20 +32,20 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
     if min(image.size) < 1:  # asking for the size loads the file
         if image.type == "MULTILAYER":
             raise ImageError(
-                "The image '{image}' of {owner} has several layers or views, and Blender gives no"
-                " pixels of it: save one as an image (Image > Save As), and choose that file.",
+                "The image '{image}' of {owner} has several layers or views. Save one of them"
+                " (Image > Save As) and choose the file.",
                 image=image.name,
                 owner=owner,
             )
         if not image.filepath:
             raise ImageError(
-                "The image '{image}' of {owner} is empty, and has no file: choose another.",
+                "The image '{image}' of {owner} is empty and has no file. Choose another.",
                 image=image.name,
                 owner=owner,
             )
         raise ImageError(
-            "The image '{image}' of {owner} cannot be read from the file {file}: the file is"
-            " missing or broken; choose another or find it again.",
+            "The image '{image}' of {owner} cannot be read: {file} is missing or broken. Restore"
+            " the file, or choose another.",
             image=image.name,
             owner=owner,
             file=bpy.path.abspath(image.filepath, library=image.library),
@@ -134,7 +134,7 @@ def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> 
     is_straight = has_coverage and not image.is_float
     if not decode(pixels, table, has_coverage, is_straight):
         raise ImageError(
-            "The image '{image}' of {owner} has pixels that are not finite numbers: repair it.",
+            "The image '{image}' of {owner} has infinite or invalid pixels. Repair it.",
             image=image.name,
             owner=owner,
         )

@@ -11,6 +11,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...base.errors import RigError
+from ...base.messages import Message
 from ...bench.offset import along_with, part_motions, with_offset
 from ...image.flat_picture import view_of_picture
 from ...light.display import display_pixel
@@ -23,6 +24,7 @@ from ..read.scene import Reading, length_of_unit, object_matrix
 # px of display and viewer: so near, in single precision, everything has to come to be as fitted
 FITTED_WITHIN_PX = 0.1
 FLOAT32_ERROR = 1e-6  # the error of numbers of about 1 in single precision
+HELD = Message("a constraint, a parent or shared data holds it")
 PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
 
 
@@ -45,9 +47,9 @@ def put_into_scene(
     _, unknown = with_offset(reading.drawn, Offset.read(scene.kiriko.calibration.offset).sets)
     if unknown:
         raise RigError(
-            "The calibration's offset names '{part}', which this rig does not have:"
-            " calibrate again, or remove the offset.",
-            part=unknown[0],
+            "The calibration's offset names '{name}', which is not in this rig. Calibrate again,"
+            " or remove the offset.",
+            name=unknown[0],
         )
 
     undo = _Undo()
@@ -86,24 +88,14 @@ class _Undo:
 def _object(name: str) -> bpy.types.Object:
     thing = bpy.data.objects.get(name)
     if thing is None:
-        raise RigError(
-            "'{name}' is an instance, and cannot be moved alone: keep the offset instead.",
-            name=name,
-        )
+        raise _held(name, Message("it is an instance"))
 
     for block in (thing, thing.data):
         if block is not None and not block.is_editable:
-            raise RigError(
-                "'{name}' is linked from another file, and would not stay as it is set:"
-                " keep the offset.",
-                name=name,
-            )
+            raise _held(name, Message("it is linked from another file"))
 
         if block is not None and is_animated(block):
-            raise RigError(
-                "'{name}' is animated, and would not stay as it is set: keep the offset instead.",
-                name=name,
-            )
+            raise _held(name, Message("it is animated"))
 
     return thing
 
@@ -207,11 +199,9 @@ def _is_viewer_like(found: Viewer, wanted: Viewer, display: Display) -> bool:
     )
 
 
-def _held(name: str) -> RigError:
+def _held(name: str, why: str = HELD) -> RigError:
     return RigError(
-        "'{name}' cannot be set as fitted, for a constraint, a parent or shared data moves"
-        " it: keep the offset instead.",
-        name=name,
+        "'{name}' cannot be changed: {why}. Keep the offset instead.", name=name, why=why
     )
 
 

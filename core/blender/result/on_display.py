@@ -28,16 +28,15 @@ def _has_no_place(display: bpy.types.Object, name: str) -> str:
     """Why no material can be put on a display; '' where one can."""
     if display.data is None or not hasattr(display.data, "materials"):
         return Message(
-            "The display '{display}' has no material: give the image '{image}' to the"
-            " object that it shows.",
+            "'{display}' has no material of its own. Give the image '{image}' to the object it"
+            " shows.",
             display=display.name,
             image=name,
         )
 
     if not display.is_editable:
         return Message(
-            "The display '{display}' is linked from another file: give it the image"
-            " '{image}' there.",
+            "'{display}' is linked from another file. Give it the image '{image}' there.",
             display=display.name,
             image=name,
         )
@@ -99,7 +98,7 @@ def put_on_display(
             keep(theirs)
             notes.append(
                 Message(
-                    "The material '{theirs}' of the display '{display}' gave way to '{ours}'.",
+                    "The material '{theirs}' of '{display}' was replaced by '{ours}'.",
                     theirs=theirs.name,
                     display=display.name,
                     ours=ours.name,

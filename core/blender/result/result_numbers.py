@@ -24,8 +24,7 @@ def numbers_of(
         *reading.notes,
         *(
             Message(
-                "The material '{material}' of '{name}' has settings that are not followed:"
-                " {ignored}.",
+                "Kiriko ignores settings of the material '{material}' of '{name}': {ignored}.",
                 material=read.material_name,
                 name=read.object_name,
                 ignored=joined(read.ignored, ", "),
