@@ -26,7 +26,6 @@ SETTINGS = {
     "KirikoPicture": {"en": "The picture's light", "ja": "絵の光"},
     "KirikoDisplay": {"en": "The display's light", "ja": "ディスプレイの光"},
     "KirikoPlate": {"en": "The plate", "ja": "プレート"},
-    "KirikoResult": {"en": "The result", "ja": "結果"},
     "KirikoCalibration": {"en": "Calibration", "ja": "キャリブレーション"},
     "KirikoView": {"en": "The view", "ja": "表示"},
 }

@@ -268,7 +268,7 @@ def test_a_disk_that_fills_up_while_blender_encodes_is_told(movie, core, scene, 
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (600, before[1]))
     try:
-        with pytest.raises(core("base.errors").ImageError, match=r"movie '.*check the disk"):
+        with pytest.raises(core("base.errors").ImageError, match=r"movie '.*Check the disk"):
             movie.encode(tmp_path / f"clip{movie.CODECS[name].suffix}", files, name, SIZE, scene)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
