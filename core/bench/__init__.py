@@ -1,1 +1,1 @@
-"""Where the parts of a rig stand, how large they are, and what may be off."""
+"""Places, sizes and errors of the parts of a rig."""

@@ -1,11 +1,11 @@
-"""The best place for a picture, and turns of its glass: most of the picture arrives.
+"""Best place for a picture, and turns of its glass, by the light that arrives.
 
-Which rays arrive depends on the glass alone. So the light around the picture is traced once, and
-all places and turns within the limits are compared by it, in ever finer steps around the best. A
-fine trace then decides whether the best place gains enough to move, and the turn enough to turn.
+Which rays arrive depends on the glass alone. The light around the picture is therefore traced once,
+and all places and turns within the limits are compared by it, in ever finer steps around the best.
+A fine trace then decides whether the gain is worth the motion.
 
-Turned glass must be prepared anew. To the light it is the same whether the glass turns or all else
-turns the other way about it; so the glass stays while turns are compared.
+Turned glass would have to be prepared again. Turning everything else the other way gives the same
+light, so the glass stays while turns are compared.
 """
 
 from collections.abc import Generator, Iterable, Iterator
@@ -27,14 +27,15 @@ from .picture_light import PlanOf, TracedPicture, light_of, traced
 
 
 def glass_middle(rig: Rig) -> Floats:
-    """The middle (3,), m, of the box around all glass of a rig."""
+    """Centre (3,), m, of the box around all glass of a rig."""
     boxes = np.stack([glass.mesh.bounds for glass in rig.glasses])
     return (boxes[:, 0].min(axis=0) + boxes[:, 1].max(axis=0)) / 2
 
 
 def turn_of(rig: Rig, turn: Floats) -> Motion:
-    """The motion of the glass by a turn (3,), rad about its
-    direction, right-handed, through the glass's middle.
+    """Rotation of the glass about its centre.
+
+    turn : (3,) rotation vector, rad
     """
     angle = float(np.linalg.norm(turn))
     axis = turn / angle if angle else np.array([0.0, 0.0, 1.0])
@@ -48,7 +49,7 @@ def with_glass_turned(rig: Rig, turn: Floats) -> Rig:
 
 
 def with_rest_turned(rig: Rig, turn: Floats) -> Rig:
-    """The rig with all but the glass turned the other way: the same to the light."""
+    """The rig with everything but the glass turned the other way, which gives the same light."""
     motion = turn_of(rig, -turn)
     return replace(
         rig,
@@ -66,29 +67,31 @@ def with_rest_turned(rig: Rig, turn: Floats) -> Rig:
 def light_turned(
     rig: Rig, turn: Floats, plan_of: PlanOf, n_grid: int
 ) -> Generator[float, None, TracedPicture]:
-    """The light of the picture with the glass turned; yields progress 0..1."""
+    """Light of the picture with the glass turned; yields progress 0..1."""
     return (yield from traced(with_rest_turned(rig, turn), plan_of, n_grid))
 
 
-N_RAYS = 241  # along each side of all places that a picture may take: the grid of the light
-N_POINTS = 600  # of a picture, that are looked up in that grid
-GOLDEN = (5**0.5 - 1) / 2  # of the golden section, by which they are spread evenly
-N_FIRST = 25, 25, 9  # shifts along each side, and turns, that are compared at first
-N_ROUNDS = 4  # of three each, in half the step
+N_RAYS = 241  # rays along each side of the area that a picture may reach
+N_POINTS = 600  # points of a picture that are looked up among these rays
+GOLDEN = (5**0.5 - 1) / 2  # golden section: spreads the points evenly
+N_FIRST = 25, 25, 9  # shifts along each side, and turns, of the first comparison
+N_ROUNDS = 4  # further comparisons of three each way, in half the step
 N_GRID = 24  # points along each edge of a triangle of the picture, for turns of the glass
-N_HALVINGS = 6  # of the step between turns of the glass
-MOTION_WEIGHT = 2e-4  # of a motion to its limit, as a share: of equal places the nearest is taken
-WORTH_MOVING = 1e-3  # gain in the picture's share for which it is moved
-WORTH_TURNING = 5e-3  # gain for which it, or its glass, is turned
-STEP_RAD = np.radians(2)  # between angles of a turn that brings lost light back
-TILTS_RAD = 0.35, 0.17  # by which the best axis of an angle is tilted
-ROUNDING = 1e-9  # of the limit
-ENOUGH = 0.95  # share of the lost light that has to come back
+N_HALVINGS = 6  # halvings of the step between turns of the glass
+MOTION_WEIGHT = 2e-4  # cost of a motion to its limit, in light: the nearest of equal places wins
+WORTH_MOVING = 1e-3  # gain of light that is worth a shift of the picture
+WORTH_TURNING = 5e-3  # gain of light that is worth a turn of the picture or the glass
+STEP_RAD = np.radians(2)  # between angles of a recovering turn
+TILTS_RAD = 0.35, 0.17  # tilts of the best axis of an angle
+ROUNDING = 1e-9  # relative to the limit
+ENOUGH = 0.95  # fraction of the lost light that a turn has to recover
 
 
 @dataclass(frozen=True)
 class Limits:
-    """How far a picture may move in its plane, m, and turn there, and its glass may turn, rad."""
+    """Limits of the picture's shift, m, and turn, rad, in its plane, and of the glass's turn,
+    rad.
+    """
 
     shift: float
     turn: float = np.radians(15)
@@ -97,11 +100,13 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class BestPlace:
-    """Where a picture, and its glass, are to go.
+    """Motion of a picture and its glass.
 
-    motion : of the picture; shift : (2,) m along its sides, turn : rad in its plane
-    glass_turn : (3,) rad about its direction through the glass's middle
-    before, after : shares of the picture that arrive; lost : shares that still do not, by reason
+    motion : of the picture
+    shift : (2,) m along its sides; turn : rad in its plane
+    glass_turn : (3,) rotation vector about the glass's centre, rad
+    before, after : fractions of the picture that arrive
+    lost : fractions that still do not, by reason
     """
 
     motion: Motion
@@ -114,7 +119,7 @@ class BestPlace:
 
     @property
     def is_better(self) -> bool:
-        """Is it worth the motion?"""
+        """Whether the gain is worth the motion."""
         return self.after - self.before > WORTH_MOVING
 
 
@@ -123,9 +128,9 @@ def best_place(rig: Rig, plan_of: PlanOf, limits: Limits) -> Generator[float, No
 
     Raises
     ------
-    RigError : the picture has no plane of its own, or is no flat rectangle
+    RigError : the picture has no plane of its own, or is not a flat rectangle
     """
-    plane_of(rig)  # refuses
+    plane_of(rig)  # raises RigError
     before = yield from subprogress(traced(rig, plan_of), 0.0, 0.1)
     still = yield from subprogress(_placed(rig, plan_of, limits, before, np.zeros(3)), 0.1, 0.3)
     if not limits.glass:
@@ -142,8 +147,9 @@ def best_place(rig: Rig, plan_of: PlanOf, limits: Limits) -> Generator[float, No
 def _placed(
     rig: Rig, plan_of: PlanOf, limits: Limits, before: TracedPicture, glass_turn: Floats
 ) -> Generator[float, None, BestPlace]:
-    """The picture's best place in glass as it stands, settled by fine traces: as it is, moved, or
-    turned, too, where each has to be worth it.
+    """Best place of the picture in fixed glass: as it is, moved, or moved and turned.
+
+    Fine traces decide; each further motion has to be worth it.
     """
     plane = plane_of(rig)
     best = None
@@ -163,14 +169,14 @@ def _placed(
 def _candidates(
     rig: Rig, plan_of: PlanOf, plane: Plane, limits: Limits
 ) -> Generator[float, None, list[Floats]]:
-    """Places (3,) that may be the best, as shifts, m, and turn, rad: as it is, moved, turned."""
+    """Candidates (3,): shifts, m, and turn, rad, for as it is, moved, moved and turned."""
     sizes = np.linalg.norm(plane.sides, axis=1)
     reach = np.full(2, np.linalg.norm(sizes) / 2 + limits.shift)
     grid, step = grid_over(reach, N_RAYS)
     light = yield from light_of(plan_of(rig), plane.middle + grid @ (plane.sides / sizes[:, None]))
     arrives = light.has_arrived.reshape(N_RAYS, N_RAYS)
 
-    # no two in one row or column: the share changes with each small shift
+    # No two points share a row or column, so that each small shift changes the score.
     k = np.arange(N_POINTS) + 0.5
     points = (np.stack([k / N_POINTS, k * GOLDEN % 1], axis=1) - 0.5) * ROOM_SPARE * sizes
     turns = sorted({0.0, limits.turn})
@@ -179,7 +185,7 @@ def _candidates(
 
 
 def _motion(plane: Plane, place: Floats) -> Motion:
-    """The motion of a picture by shifts, m, and a turn, rad, (3,) in its plane."""
+    """Motion of a picture in its plane by shifts, m, and a turn, rad, (3,)."""
     axes = plane.sides / np.linalg.norm(plane.sides, axis=1)[:, None]
     about = turned(np.cross(*axes), np.degrees(place[2]), plane.middle)
     return Motion(about.rotation, about.shift + place[:2] @ axes)
@@ -188,11 +194,11 @@ def _motion(plane: Plane, place: Floats) -> Motion:
 def _best(
     arrives: Bools, step: float, points: Floats, limits: tuple[float, float, float]
 ) -> Floats:
-    """The shifts, m, and turn, rad, (3,) by which most of a picture arrives.
+    """Shifts, m, and turn, rad, (3,) with most of the picture arriving.
 
     Parameters
     ----------
-    arrives : (n, n) of rays on a grid about the picture's middle, `step` m apart, rows going up
+    arrives : (n, n) rays on a grid about the picture's centre, `step` m apart, rows upward
     points : (k, 2) of the picture, m
     """
     reach = np.array(limits)
@@ -222,7 +228,7 @@ def _best(
 
 
 def _glass_turn(rig: Rig, plan_of: PlanOf, limit: float) -> Generator[float, None, Floats]:
-    """The turn (3,) of the glass, up to a limit, rad, by which most of the picture arrives."""
+    """Turn (3,) of the glass, up to a limit, rad, with most of the picture arriving."""
 
     def score(turn: Floats) -> Generator[float, None, float]:
         if np.linalg.norm(turn) > limit:
@@ -244,11 +250,11 @@ def _glass_turn(rig: Rig, plan_of: PlanOf, limit: float) -> Generator[float, Non
 
 @dataclass(frozen=True, eq=False)
 class TurnBack:
-    """A turn of the glass about its middle.
+    """A turn of the glass about its centre.
 
-    turn : (3,) rad about its direction, world
-    brought : share of the lost light that comes back
-    before, after : shares of the picture that arrive
+    turn : (3,) rotation vector, world, rad
+    brought : fraction of the lost light that is recovered
+    before, after : fractions of the picture that arrive
     """
 
     turn: Floats
@@ -258,22 +264,24 @@ class TurnBack:
 
     @property
     def angle(self) -> float:
-        """Rad."""
+        """Angle of the turn, rad."""
         return float(np.linalg.norm(self.turn))
 
     @property
     def does_it(self) -> bool:
-        """Does enough come back, and more of the picture arrive?"""
+        """Whether enough light is recovered and more of the picture arrives."""
         return self.gain >= ENOUGH
 
     @property
     def gain(self) -> float:
-        """Share of the lost light that comes back; below 0 if no more of the picture arrives."""
+        """Fraction of the lost light that is recovered; negative unless more of the picture
+        arrives.
+        """
         return self.brought if self.after > self.before else self.brought - 2.0
 
 
 def axes_around() -> Floats:
-    """Directions (26, 3) all around: of a cube's faces, edges and corners."""
+    """Unit vectors (26, 3) to the faces, edges and corners of a cube."""
     ways = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)], float)
     return normalise(ways)
 
@@ -281,11 +289,12 @@ def axes_around() -> Floats:
 def turn_back(
     rig: Rig, plan_of: PlanOf, limit: float = np.radians(30)
 ) -> Generator[float, None, TurnBack]:
-    """Find the smallest turn, of up to `limit` rad, that brings the lost light of the picture back;
-    yields progress 0..1. A turn that helps within a few degrees of axis or angle may be missed.
+    """Find the smallest turn, up to `limit` rad, that recovers the picture's lost light; yields
+    0..1.
 
-    Axes all around are tried by angles that grow, and the best one of each angle is tilted. The
-    first turn that does it is then made smaller by steps to all sides.
+    Axes in all directions are tried with growing angles, and the best axis of each angle is tilted.
+    The first turn that suffices is then reduced step by step. A turn that works only within a few
+    degrees of axis or angle may be missed.
 
     Raises
     ------
@@ -297,7 +306,7 @@ def turn_back(
         raise RigError("All of the picture arrives: there is nothing to bring back.")
 
     def tried(axes: Iterable[Floats], angle: float) -> Generator[float, None, TurnBack]:
-        """The best turn about some axes."""
+        """The best turn about any of the axes."""
         found = []
         for axis in axes:
             light = yield from light_turned(rig, angle * axis, plan_of, N_GRID)

@@ -1,12 +1,12 @@
-"""Where in its glass does a picture stand, and how large is it?
+"""Place and size of a picture inside its glass.
 
-The light of the whole glass, as the viewer sees it, is traced once on a grid of rays, and all
-places are compared by the largest squares around them. Then the picture is traced finely, and made
-smaller until enough of its light arrives. Light near a silhouette gets through, but spreads far:
-the picture ends where its display would have to be twice as wide.
+A grid of rays traces the light of the whole glass, as the viewer sees it, and places are compared
+by the largest square that fits around them. The picture is then traced finely and reduced until
+enough of its light arrives. Light near a silhouette gets through but spreads far: the picture ends
+where its display would have to be twice as wide.
 
-The middle of the glass is taken wherever no other place is better by `worth_moving`: a ball's
-picture stands in its centre to the last bit.
+The centre of the glass is used unless another place is better by `worth_moving`, so that a ball's
+picture is centred to the last bit.
 """
 
 from collections.abc import Callable, Generator
@@ -32,33 +32,33 @@ from .largest_square import (
 from .picture_light import Light, Spread, light_of, points_of, spread_in
 from .placement import REFERENCE_BENCH, Proposal, Wishes, rig_of
 
-N_RAYS = 47  # along the glass's longer side, as the viewer sees it
-LEAST, MOST = 0.25, 0.5  # side of a picture, of the glass's smaller side
-ROOM = 0.98  # a picture's side, of the largest that gets through: benches are off by a little
-N_ROUNDS = 4  # in which a picture is made smaller and traced again, at the most
+N_RAYS = 47  # rays along the glass's longer side, as the viewer sees it
+LEAST, MOST = 0.25, 0.5  # side of a picture, relative to the glass's smaller side
+ROOM = 0.98  # fraction of the largest picture that is used, to allow for an inexact bench
+N_ROUNDS = 4  # attempts to reduce the picture and trace it again
 
 
 class InitialPlacement(NamedTuple):
-    """Where a picture stands: its middle (3,), m, and its side, m."""
+    """A picture's centre (3,), m, and its side, m."""
 
     middle: Floats
     side: float
 
 
 def _half_size(bounds: Floats, axes: Floats) -> Floats:
-    """Half of the extents (k,) of a box (2, 3) along axes (k, 3)."""
+    """Half extents (k,) of a box (2, 3) along axes (k, 3)."""
     return np.abs(axes) @ (bounds[1] - bounds[0]) / 2
 
 
 def seek(
     plan: Plan, bounds: Floats, proposal: Proposal, side: float = 0.0
 ) -> Generator[float, None, InitialPlacement]:
-    """The best place for a picture in glass within bounds (2, 3); yields progress 0..1.
+    """Best place for a picture in glass within bounds (2, 3); yields progress 0..1.
 
     Parameters
     ----------
-    plan : of the proposal's rig, with its display as large as allowed
-    side : of the picture, m, where it is given; 0: as large as gets through
+    plan : of the proposal's rig, with the largest display allowed
+    side : of the picture, m; 0 for the largest that gets through
     """
     frame = proposal.placement.picture
     middle = bounds.mean(axis=0)
@@ -80,14 +80,14 @@ def seek(
     if abs(depth) < WORTH_MOVING * _half_size(bounds, frame[None, :3, 2])[0]:
         depth = 0.0
 
-    # the plane's own place and size, nearer to the viewer or farther than the glass's middle
+    # The plane's place and size follow perspective if it is not at the glass's centre.
     scale = 1 - depth / proposal.viewer_distance
     across = frame[:3, :2] @ place * scale
     return InitialPlacement(middle + across + depth * frame[:3, 2], float(side * scale))
 
 
 def _best(bundle: Bundle, side: float) -> tuple[Floats, float]:
-    """The best place (2,) of a bundle, and the side of the picture there."""
+    """Best place (2,) of a bundle, and the picture's side there."""
     smaller = 2 * float(bundle.half.min())
     if not side:
         most = MOST * smaller / ROOM
@@ -102,7 +102,7 @@ def _best(bundle: Bundle, side: float) -> tuple[Floats, float]:
 def _depth(
     light: Light, at: Floats, place: Floats, side: float, frame: Floats, middle: Floats
 ) -> float:
-    """How far in front of the glass's middle is the middle of the glass at a place, m."""
+    """Distance, m, from the glass's centre forward to the middle of the glass at a place."""
     near = np.abs(at - place).max(axis=1) <= side / 2
     near &= np.isfinite(light.into_glass[:, 0])
     if not near.any():
@@ -116,11 +116,12 @@ def _depth(
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """A new rig that is asked for.
+    """A request for a new rig.
 
-    bench : glass, and the plates, mirrors and blockers that are there
-    bounds : (2, 3) of the glass that the rig is built around, world, m
-    viewer : of the rig that `propose` proposes; pixels : of the display
+    bench : glass, and existing plates, mirrors and blockers
+    bounds : (2, 3) of the glass the rig is built around, world, m
+    viewer : of the rig from `propose`
+    pixels : of the display
     """
 
     bench: Rig
@@ -136,15 +137,14 @@ class Request:
 def settle(
     request: Request, proposal: Proposal, plan_of: Callable[[Rig], Plan]
 ) -> Generator[float, None, tuple[Proposal, Spread]]:
-    """Give the picture of a proposal its place in the glass, and the size that
-    gets through where none is given; yields progress 0..1.
+    """Place the picture of a proposal in the glass, and size it if needed; yields progress 0..1.
 
     Returns
     -------
-    The proposal, whose display is as wide as it may be, and the spread of the light on it.
+    The proposal, with the widest display allowed, and the spread of the light on it.
     """
     wishes = request.wishes
-    if proposal.placement.plate is None:  # the picture is where the display is
+    if proposal.placement.plate is None:  # without a plate the picture is at the display
         standing = InitialPlacement(proposal.placement.picture[:3, 3], proposal.picture)
     else:
         steps = seek(plan_of(request.rig(proposal)), request.bounds, proposal, wishes.picture)
@@ -177,8 +177,8 @@ def _half_of_view(bounds: Floats, proposal: Proposal) -> Floats:
 
 
 def stood(proposal: Proposal, standing: InitialPlacement, wishes: Wishes) -> Proposal:
-    """The proposal with its picture elsewhere, the display at the
-    picture's image in the plate, or with the picture where there is none.
+    """The proposal with its picture moved, and the display with it (by the plate if there is
+    one).
     """
     placement = proposal.placement
     shift = standing.middle - placement.picture[:3, 3]

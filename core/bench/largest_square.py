@@ -1,8 +1,8 @@
-"""The largest square that gets through glass whole, around a place, by rays of a grid.
+"""Largest square around a place whose rays all get through the glass.
 
-A square of side s around a place p gets through where no ray nearer to p than s / 2, along either
-axis, is lost. So the largest one ends at the nearest lost ray. Where its light has to stay near it
-on the display, too, it ends where that light spreads too far.
+A square of side s around a place p gets through if no ray closer to p than s / 2, along either
+axis, is lost. The largest one therefore ends at the nearest lost ray, or where its light spreads
+too far on the display.
 """
 
 from collections.abc import Callable
@@ -12,21 +12,23 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats
 
-N_PLACES = 17  # compared at first, along the longer side; odd: the middle is one of them
-ENOUGH = 0.999  # of a picture's light, that has to arrive
-FARTHEST = 2.0  # widths of a picture: light that lands farther out does not count as arriving
-WORTH_MOVING = 0.1  # by which another place has to be better than the middle of the glass
-ROUNDING = 1e-6  # of the step between rays: nearer distances are the same
+N_PLACES = 17  # places of the first comparison, along the longer side; odd, to include the centre
+ENOUGH = 0.999  # fraction of a picture's light that has to arrive
+FARTHEST = 2.0  # widths of a picture: light landing farther out counts as lost
+WORTH_MOVING = 0.1  # gain over the centre of the glass that is worth another place
+ROUNDING = 1e-6  # of the step between rays: closer distances count as equal
 
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """The traced light of a glass on the plane through its middle, m from there along both axes.
+    """Light of a glass, traced on the plane through its centre; m from there along both axes.
 
-    at (n, 2) of the rays; landed (n, 2) on the display, from the image of the glass's middle;
-    is_good (n,) did it come through glass to the display?; step : between rays; half (2,) of the
-    glass's width and height as the viewer sees it; enough : share of a square's rays
-    that have to be good
+    at : (n, 2) of the rays
+    landed : (n, 2) on the display, from the image of the glass's centre
+    is_good : (n,) whether light reaches the display through glass
+    step : between rays
+    half : (2,) of the glass's width and height as the viewer sees it
+    enough : fraction of a square's rays that have to be good
     """
 
     at: Floats
@@ -54,11 +56,11 @@ class Bundle:
 
         some = fits.any(axis=1)
         last = len(n) - 1 - np.argmax(fits[:, ::-1], axis=1)
-        found[some] = 2 * distance[some, last[some]] + self.step  # a ray stands for its cell
+        found[some] = 2 * distance[some, last[some]] + self.step  # each ray represents its cell
         return np.minimum(found, np.minimum(2 * edge, most))
 
     def share(self, places: Floats, side: float) -> Floats:
-        """Shares (m,) of squares around places (m, 2) that get through."""
+        """Fractions (m,) of squares around places (m, 2) that get through."""
         near = _along_either(self.at, places) <= side / 2
         cells = max((side / self.step) ** 2, 1.0)
         return np.minimum(
@@ -66,22 +68,23 @@ class Bundle:
         )
 
     def _by_distance(self, places: Floats) -> tuple[Floats, Floats]:
-        """Rays in the order of their distance from places (m, 2), and these: each (m, n)."""
+        """Rays sorted by their distance from places (m, 2), and the distances: each (m, n)."""
         distance = _along_either(self.at, places)
         order = np.argsort(distance, axis=1)
         return order, np.take_along_axis(distance, order, axis=1)
 
 
 def _along_either(points: Floats, places: Floats) -> Floats:
-    """How far (m, n) points (n, 2) lie from places (m, 2), along the axis on which that is more."""
-    # axis by axis: numpy is slow where rows are two numbers long
+    """Chebyshev distance (m, n) of points (n, 2) from places (m, 2)."""
+    # Axis by axis, because numpy is slow on rows of two.
     x, y = (np.abs(points[:, k] - places[:, k, None]) for k in (0, 1))
     return np.maximum(x, y)
 
 
 def grid_over(half: Floats, n_along: int) -> tuple[Floats, float]:
-    """Places (n, 2) of a grid over a rectangle about 0, symmetric, with this many along its longer
-    side; and the step between them.
+    """Symmetric grid (n, 2) over a rectangle about 0, with a given count along its longer side.
+
+    Returns the step between its places as well.
     """
     step = 2 * float(half.max()) / n_along
     counts = np.maximum(1, np.round(2 * half / step).astype(int))
@@ -91,21 +94,21 @@ def grid_over(half: Floats, n_along: int) -> tuple[Floats, float]:
 
 
 def best_place(bundle: Bundle, most: float) -> tuple[Floats, float]:
-    """The place (2,) of the largest square up to `most`, and its side."""
+    """Place (2,) of the largest square up to `most`, and its side."""
     return _refined(bundle, lambda places: bundle.largest(places, most))
 
 
 def best_place_for(bundle: Bundle, side: float) -> Floats:
-    """The place (2,) where most of a square of a side gets through."""
+    """Place (2,) where most of a square of the given side gets through."""
     return _refined(bundle, lambda places: bundle.share(places, side), 1.0)[0]
 
 
 def _refined(
     bundle: Bundle, value: Callable[[Floats], Floats], whole: float = 0.0
 ) -> tuple[Floats, float]:
-    """The place (2,) where a value is largest, and the value.
+    """Place (2,) with the largest value, and the value.
 
-    whole : by whose shares places are compared; 0: the best value
+    whole : scale of the values; 0 for the best one
     """
     places, step = grid_over(bundle.half, N_PLACES)
     centre = np.zeros(2)
@@ -113,13 +116,13 @@ def _refined(
     for _ in range(3):
         values = value(places)
         top = places[values >= values.max() * (1 - 1e-9)]
-        # of places as good as each other the one in their midst
+        # Of equally good places take the central one.
         best = top[np.linalg.norm(top - top.mean(axis=0), axis=1).argmin()]
         around = np.stack(np.meshgrid(*[np.linspace(-step, step, 7)] * 2), axis=-1)
         places = best + around.reshape(-1, 2)
         step /= 3
 
-    # the middle of the glass, along both axes or one, where that is about as good
+    # Prefer the centre of the glass, along both axes or one, if it is about as good.
     x, y = best
     candidates = np.array([[0, 0], [0, y], [x, 0], [x, y]])
     values = value(candidates)
@@ -131,8 +134,9 @@ def _refined(
 def largest_about(
     middle: Floats, uv: Floats, is_lost: Bools, weight: Floats, share: float = ENOUGH
 ) -> float:
-    """Side, of the picture's, of the largest part of it about a place (2,) of which so much
-    arrives, by the light of places uv (n, 2) that stand for parts of it (n,).
+    """Side of the largest part of a picture about a place (2,) with enough arriving light.
+
+    The side is relative to the picture's; places uv (n, 2) each represent a part of it (n,).
     """
     distance = 2 * np.abs(uv - middle).max(axis=1)
     order = np.argsort(distance)

@@ -1,9 +1,9 @@
-"""Remedies for lost or illegible light, with their measured gains, for the checklist.
+"""Remedies for lost or illegible light, with measured gains, for the checklist.
 
-Each remedy is found as by its own button, with fewer rays. Only remedies that bring something back
-are reported, each with its operator. One of them moves the picture to the glass, and the display
-with it: bent light spreads less on a shorter way. For one viewer the picture's depth changes
-nothing, but the display's does; both stay images of each other in the plate.
+Each remedy is found like that of its button, with fewer rays. Only remedies with a gain are
+reported, each with its operator. One of them moves the picture and the display to the glass: bent
+light spreads less over a shorter distance. For a single viewer the picture's depth changes nothing,
+but the display's does; both stay images of each other in the plate.
 """
 
 from collections.abc import Callable, Generator
@@ -34,21 +34,23 @@ from .picture_light import PlanOf, traced
 
 
 class Shifts(NamedTuple):
-    """Of the picture and the display (3,), m."""
+    """Shifts of the picture and the display, (3,) m each."""
 
     picture: Floats
     display: Floats
 
 
 def way_to_glass(rig: Rig) -> float:
-    """The way of the picture along its axis towards the first viewer, m: from behind the glass to
-    its back, or with a plate, from within to its face. 0 if there is none.
+    """Distance, m, of the picture along its axis towards the first viewer.
+
+    It leads from behind the glass to its back, or with a plate from inside to its front; 0 if there
+    is none.
     """
     try:
         middle, axis = plane_of(rig).middle, _axis(rig)
-    except RigError:  # it has no place
+    except RigError:  # no place
         return 0.0
-    if rig.mirrors or len(rig.plates) > 1:  # the display is on a way of its own
+    if rig.mirrors or len(rig.plates) > 1:  # the display has another path
         return 0.0
     ahead = np.concatenate([(glass.mesh.vertices - middle) @ axis for glass in rig.glasses])
     back, face = float(ahead.min()), float(ahead.max())
@@ -58,7 +60,9 @@ def way_to_glass(rig: Rig) -> float:
 
 
 def shifts_by(rig: Rig, way: float) -> Shifts:
-    """The shifts of picture and display for a way of the picture towards the first viewer, m."""
+    """Shifts of picture and display if the picture moves by a distance, m, towards the first
+    viewer.
+    """
     shift = way * _axis(rig)
     if not rig.plates:
         return Shifts(shift, shift)
@@ -67,7 +71,7 @@ def shifts_by(rig: Rig, way: float) -> Shifts:
 
 
 def nearer(rig: Rig, way: float) -> Rig:
-    """The rig with its picture so much nearer to the first viewer, m."""
+    """The rig with its picture moved by a distance, m, towards the first viewer."""
     shifts = shifts_by(rig, way)
     return replace(
         rig,
@@ -77,7 +81,7 @@ def nearer(rig: Rig, way: float) -> Rig:
 
 
 def _axis(rig: Rig) -> Floats:
-    """The direction (3,) perpendicular to the picture, towards the first viewer."""
+    """Unit normal (3,) of the picture towards the first viewer."""
     plane = plane_of(rig)
     axis = np.cross(*plane.sides)
     axis /= np.linalg.norm(axis)
@@ -89,25 +93,25 @@ def _moved(part: PicturePlace | Display, shift: Floats) -> PicturePlace | Displa
 
 
 N_GRID = 32  # points along each edge of a triangle of the picture
-WORTH_IT = 1e-3  # share of the picture that a remedy has to bring back
-REACH = 0.5  # of the picture's longer side: so far it may move
-# a part that had to be larger than so many times would have to bring back so much of what misses it
+WORTH_IT = 1e-3  # fraction of the picture that a remedy has to recover
+REACH = 0.5  # of the picture's longer side: limit of a shift
+# A part that has to grow beyond LARGE times its size must recover MUCH of the light that misses it.
 LARGE, MUCH = 2.0, 0.5
-TOLD = 5e-3  # share of the picture: more that is lost all the same is told
+TOLD = 5e-3  # fraction of the picture above which a remaining loss is reported
 SMOOTH_GLASS, MOVE_TO_GLASS = "kiriko.smooth_glass", "kiriko.move_to_glass"
-ITERATIONS = (10, 100)  # of Smooth
-WORTH_READING = 0.1  # of legibility
+ITERATIONS = (10, 100)  # of the Smooth modifier
+WORTH_READING = 0.1  # gain of legibility
 
 
 @dataclass(frozen=True)
 class Help:
     """A remedy.
 
-    operator : the button that does it
-    amount : m, by which plate or display have to be larger, or the width that the picture then
-        has, or its way to the glass; 0 where there is none; iterations of Smooth
-    after : share of the picture that then arrives; of remedies by `legible_by`, its legibility
-    part : name of the glass that is smoothed
+    operator : of its button
+    amount : m, by which plate or display grow, the new width of the picture, or its distance to the
+        glass; iterations of Smooth; 0 for none
+    after : fraction of the picture that arrives then; for remedies of `legible_by`, its legibility
+    part : name of the glass to smooth
     """
 
     operator: str
@@ -116,9 +120,11 @@ class Help:
     part: str = ""
 
     def sentence(self, length_text: Callable[[float], str]) -> Message:
-        """A clause, as "make the plate 20 mm larger", with the share where some is still lost.
+        """A clause such as "make the plate 20 mm larger", with the arriving percentage if light
+        stays
+        lost.
 
-        length_text : a length, m, in words
+        length_text : formats a length, m
         """
         amount = length_text(self.amount)
         clause = {
@@ -134,10 +140,9 @@ class Help:
 
 @dataclass(frozen=True)
 class Remedies:
-    """The share of the picture that arrives, shares that do not by
-    reason, and what helps, the most helpful first.
+    """Fraction of the picture that arrives, lost fractions by reason, and remedies, the best first.
 
-    is_whole : was every remedy tried? Else time was over before.
+    is_whole : whether every remedy was tried before time ran out
     """
 
     share: float
@@ -149,8 +154,9 @@ class Remedies:
 def find_remedies(
     rig: Rig, plan_of: PlanOf, seconds: float = inf
 ) -> Generator[float, None, Remedies]:
-    """Find what brings lost light of the picture back to the first viewer, within about so many
-    seconds; yields progress 0..1.
+    """Find remedies that recover lost light for the first viewer; yields progress 0..1.
+
+    seconds : time limit, approximate
     """
     rig = replace(rig, viewers=rig.viewers[:1])
     end = perf_counter() + seconds
@@ -177,7 +183,7 @@ def find_remedies(
         try:
             help = yield from _until(end, steps)
         except RigError:
-            continue  # it is no remedy for this rig
+            continue  # does not apply to this rig
         if help is None:
             is_whole = False
             break
@@ -189,7 +195,7 @@ def find_remedies(
 
 
 def _until(end: float, steps: Generator[float, None, Help]) -> Generator[float, None, Help | None]:
-    """Long work that is given up at a time, and then finds nothing."""
+    """Run long work until a time; None if it is not finished by then."""
     while True:
         if perf_counter() >= end:
             steps.close()
@@ -211,8 +217,9 @@ def _by_display(misses: float, rig: Rig, plan_of: PlanOf) -> Generator[float, No
 
 
 def _worth(fitted: Fitted, misses: float) -> float:
-    """The share of the picture that arrives with a part so large, 0 where that is too large for
-    the little that it brings back of the share that misses it, as behind glass that scatters.
+    """Fraction of the picture that arrives with a larger part; 0 if it is too large for its gain.
+
+    Glass that scatters needs a huge part for little light.
     """
     is_much = fitted.after - fitted.before >= MUCH * misses
     return fitted.after if fitted.size <= LARGE or is_much else 0.0
@@ -226,7 +233,7 @@ def _by_picture(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
 def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     side = float(np.linalg.norm(plane_of(rig).sides, axis=1).max())
     found = yield from best_place(rig, plan_of, Limits(shift=REACH * side))
-    # its shares are of more rays than the others'
+    # not comparable with the other fractions, which come from fewer rays
     after = found.after if found.after > found.before + WORTH_IT else 0.0
     return Help("kiriko.best_place", 0.0, after)
 
@@ -234,12 +241,12 @@ def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
 def legible_by(
     rig: Rig, settings: Settings, before: float, kept: MeshCache | None = None
 ) -> Generator[float, None, tuple[Help, ...]]:
-    """Remedies that raise the legibility for the first viewer by WORTH_READING, the most helpful
-    first. Each is measured on a changed copy of the rig; yields progress 0..1.
+    """Remedies that raise the first viewer's legibility by WORTH_READING, the best first.
 
-    Of the amounts of one remedy that is the first by which the picture can be read, else the best.
+    Each is measured on a changed copy of the rig. For several amounts of a remedy, the first one
+    that makes the picture readable is used, otherwise the best. Yields progress 0..1.
 
-    kept : glass that is made ready
+    kept : cache of prepared glass
     """
     tried = _to_read(rig)
     found: dict[str, Help] = {}
@@ -255,7 +262,7 @@ def legible_by(
 
 
 def _to_read(rig: Rig) -> list[Help]:
-    """Remedies to be tried for a picture that is hard to recognise."""
+    """Candidates for a picture that is hard to recognise."""
     glass = max(rig.glasses, key=lambda glass: len(glass.mesh.triangles))
     tried = [Help(SMOOTH_GLASS, n, 0.0, glass.name) for n in ITERATIONS]
     way = way_to_glass(rig)

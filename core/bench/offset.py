@@ -1,4 +1,4 @@
-"""The parameters of a bench that may be off, the errors to expect, and the rig with them."""
+"""Parameters of a bench that may be off, their expected errors, and the rig with such errors."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -12,8 +12,7 @@ from ..base.products import turn
 from ..glass.motion import Motion, find_motion
 from ..rig.rig import ROLES, WAVELENGTH, ConstantIndex, Glass, Mesh, Plate, Rig, Role, Viewer
 
-# standard deviations to expect, in the parameters' units, of a
-# bench that was set up with rulers and squares
+# Expected standard deviations of a bench set up with rulers and squares, in the parameters' units.
 TOLERANCES = {
     "shift": 0.5,
     "turn": 0.1,
@@ -22,7 +21,7 @@ TOLERANCES = {
     "mirror": 0.01,
     "focal": 0.1,
 }
-# amounts by which a part may be off: along and about axes as the viewer of the planned rig looks
+# Axes of shifts and turns are those of the planned rig's viewer.
 SHIFTS = Message("shift right"), Message("shift up"), Message("shift away")
 TURNS = Message("turn about right"), Message("turn about up"), Message("turn about away")
 INDEX = Message("index")
@@ -33,11 +32,11 @@ FOCAL = Message("focal length")
 
 @dataclass(frozen=True)
 class Parameter:
-    """Something about a bench that may be off.
+    """A quantity of a bench that may be off.
 
     name : part and parameter; unit : of amounts; step : amount for derivatives
-    applied : the rig with an amount of it
-    part : the only part that it changes: the rig's field, and the number there; None: any
+    applied : function of a rig and an amount that returns the changed rig
+    part : field of the rig and number of the only part it changes; None for any
     """
 
     name: str
@@ -48,13 +47,13 @@ class Parameter:
 
     @property
     def kind(self) -> str:
-        """A key of TOLERANCES: the kind of parameter, whichever part and axis."""
+        """Key of TOLERANCES: kind of parameter, for any part and axis."""
         return self.name.rsplit(": ", 1)[-1].split()[0]
 
 
 def parameters(rig: Rig) -> list[Parameter]:
-    """All that may be off: place and angle of each part, indices of
-    the glass, the plate's make, the camera's image.
+    """All parameters: pose of each part, indices of the glass, the plate's make, the camera's
+    zoom.
     """
     roles = _off_roles()
     found = []
@@ -72,7 +71,7 @@ def parameters(rig: Rig) -> list[Parameter]:
 
 
 def _off_roles() -> list[Role]:
-    """The roles whose parts may be off, the viewer last."""
+    """Roles of parts that may be off, the viewer last."""
     return sorted(
         (role for role in ROLES if role.may_be_off), key=lambda role: role.name == "VIEWER"
     )
@@ -100,15 +99,15 @@ def _of_viewer(viewer: Viewer, kind: str, number: int) -> list[Parameter]:
     return [_parameter(f"{viewer.name}: {FOCAL}", "%", 1e-2, _zoomed, kind, number)]
 
 
-# what may be off about a part besides its place, by its role
+# Parameters of a part besides its pose, by role.
 OWN = {"GLASS": _of_glass, "PLATE": _of_plate, "VIEWER": _of_viewer}
 
 
 def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str, ...]]:
-    """The rig with amounts by the names of its parameters, and those names that it does not have.
+    """The rig with amounts by parameter name, and the names it does not have.
 
-    The picture goes along with the first viewer: all that is
-    wanted, and measured, is in the viewer's own image.
+    The picture moves with the first viewer, since everything wanted and measured is in the viewer's
+    image.
     """
     planned = rig
     left = {name: amount for name, amount in amounts.items() if amount}
@@ -133,9 +132,7 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
 
 
 def with_offset(rig: Rig, offset: Iterable[Mapping[str, float]]) -> tuple[Rig, tuple[str, ...]]:
-    """The rig with several sets of amounts, one after the
-    other, and the names that it does not have.
-    """
+    """The rig with several sets of amounts applied in turn, and the names it does not have."""
     unknown: list[str] = []
     for amounts in offset:
         rig, names = with_amounts(rig, amounts)
@@ -144,8 +141,8 @@ def with_offset(rig: Rig, offset: Iterable[Mapping[str, float]]) -> tuple[Rig, t
 
 
 def along_with(before: Viewer, after: Viewer) -> tuple[Floats, Floats]:
-    """Where points p go, linear (3, 3) @ p + shift (3,), that are
-    seen in the same pixels, as far away, as before.
+    """Map p -> linear (3, 3) @ p + shift (3,) that keeps each point's pixel and depth for the
+    viewer.
     """
     zoom = np.diag(
         [*(np.ptp(after.window[k : k + 2]) / np.ptp(before.window[k : k + 2]) for k in (0, 2)), 1.0]
@@ -155,7 +152,7 @@ def along_with(before: Viewer, after: Viewer) -> tuple[Floats, Floats]:
 
 
 def part_motions(before: Rig, after: Rig) -> dict[str, Motion]:
-    """By name, how the parts moved from one rig to another that differs by amounts."""
+    """Motion of each part, by name, from one rig to another with other amounts."""
     found = {}
     for role in (role for role in _off_roles() if role.kind is not None):
         for a, b in zip(before.of(role), after.of(role), strict=True):
@@ -171,9 +168,7 @@ def part_motions(before: Rig, after: Rig) -> dict[str, Motion]:
 
 
 def _poses(part: Any, axes: Floats, kind: str, number: int) -> Iterator[Parameter]:
-    """Shifts of a part along axes (3, 3), those of the first viewer, in mm, and turns
-    about these through its own middle, in degrees.
-    """
+    """Shifts, mm, along axes (3, 3), and turns, degrees, about them through the part's centre."""
     middle = part.position if kind == "viewers" else part.mesh.bounds.mean(axis=0)
 
     for words, axis in zip(SHIFTS, axes, strict=True):
@@ -198,8 +193,7 @@ def _poses(part: Any, axes: Floats, kind: str, number: int) -> Iterator[Paramete
 
 
 def turned(axis: Floats, degrees: float, about: Floats) -> Motion:
-    """Turn about an axis (3,), unit, through a point (3,)."""
-    # Rodrigues' formula
+    """Rotation about a unit axis (3,) through a point (3,), by Rodrigues' formula."""
     x, y, z = axis
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     a = np.radians(degrees)
@@ -208,7 +202,7 @@ def turned(axis: Floats, degrees: float, about: Floats) -> Motion:
 
 
 def moved(part, motion: Motion):
-    """A glass, plate, display or viewer elsewhere."""
+    """A glass, plate, display or viewer, moved."""
     if isinstance(part, Viewer):
         return replace(
             part, position=motion.points(part.position), axes=motion.directions(part.axes)
@@ -218,7 +212,7 @@ def moved(part, motion: Motion):
     if not isinstance(part, Plate):
         return replace(part, mesh=mesh)
 
-    # a plate's mirrors go along
+    # The mirrors move with the plate.
     side, centre = part.side, part.centre
     return replace(
         part,
@@ -236,7 +230,7 @@ def _moved_mesh(mesh: Mesh, motion: Motion) -> Mesh:
 def _parameter(
     name: str, unit: str, step: float, change: Callable[[Any, float], Any], kind: str, number: int
 ) -> Parameter:
-    """One that changes a part by an amount."""
+    """A parameter that changes one part."""
 
     def applied(rig: Rig, amount: float) -> Rig:
         return with_part(rig, (kind, number), change(getattr(rig, kind)[number], amount))
@@ -245,7 +239,7 @@ def _parameter(
 
 
 def with_part(rig: Rig, place: tuple[str, int], part: Any) -> Rig:
-    """A rig with another part at a place: a field, and the number there."""
+    """The rig with one part replaced, given by field and number."""
     kind, number = place
     parts = list(getattr(rig, kind))
     parts[number] = part

@@ -1,10 +1,9 @@
 """Sizes of display, plate and picture that the picture's light needs.
 
-The light of the picture is traced with the display or plate as large as it may be; the part must
-reach the places where that light meets it. Which rays arrive does not depend on the picture, so the
-light of twice its size is traced once, and its largest part around a place ends at the nearest lost
-ray. The answer is settled by tracing the rig with the size that was found. The light of all viewers
-counts.
+The light is traced with the largest display or plate allowed; the part has to reach the hits of
+this light. Which rays arrive does not depend on the picture, so light is traced once for twice its
+size, and its largest part around a place ends at the nearest lost ray. A trace with the found size
+confirms the result. The light of all viewers counts.
 """
 
 from collections.abc import Generator
@@ -36,12 +35,12 @@ from .picture_light import (
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is wanted of a part's size.
+    """Requirements for a part's size.
 
-    share : of the light that could arrive, that has to
-    moves : may the part's middle move in its plane?
-    most : times its present size that a part may have; 0: the largest by default
-    n_grid : points along each edge of a triangle of the picture; 0: as many as Add Rig takes
+    share : fraction of the reachable light that has to arrive
+    moves : whether the part's centre may move in its plane
+    most : largest size relative to the present one; 0 for the default
+    n_grid : points along each edge of a triangle of the picture; 0 for as many as Add Rig uses
     """
 
     share: float = 1.0
@@ -50,22 +49,22 @@ class Wanted:
     n_grid: int = 0
 
 
-ROOM_SPARE = 1.01  # a part's size, of what its light needs at least
+ROOM_SPARE = 1.01  # size relative to the least that the light needs
 MOST_PLATE = 4.0  # times its present size
 MOST_DISPLAY = 10.0  # times the picture's longer side
-AT_LIMIT = 0.98  # of the largest size, from which on light is taken to go further
-ROUNDING = 1e-9  # of a share
+AT_LIMIT = 0.98  # of the largest size: from here on light probably goes further
+ROUNDING = 1e-9  # of a fraction of light
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """A part as large as its light needs.
 
-    size : times as large as it was; width : m, that it then has; shift : (3,) m of its middle
-    before, after : shares of the picture that arrive
-    lost : shares that still do not, by reason
-    for_most : m, the width that `MOST` of that light needs; 0 where nobody asked
-    limit : m, the width up to which light was looked for, where there is light so far out; else 0
+    size : relative to its size before; width : the new width, m; shift : (3,) m of its centre
+    before, after : fractions of the picture that arrive
+    lost : fractions that still do not, by reason
+    for_most : width, m, for the fraction `MOST` of the light; 0 if not requested
+    limit : width, m, up to which light was traced if there is light that far out; otherwise 0
     """
 
     size: float
@@ -79,19 +78,19 @@ class Fitted:
 
     @property
     def more(self) -> float:
-        """By how much wider it is, m; below 0 where it is narrower."""
+        """Growth of the width, m; negative if the part shrinks."""
         return self.width - self.width / self.size
 
 
 def display_outline(display: Display) -> Outline:
-    """The outline of a flat display, along the rows of its image."""
+    """Outline of a flat display, along the rows of its image."""
     mesh = display.mesh
     fit, _ = affine_fit(mesh.uv.reshape(-1, 2), mesh.corners.reshape(-1, 3))
     return outline_of(mesh, fit[0], Message("The display '{name}'", name=display.name))
 
 
 def plate_outline(plate: Plate) -> Outline:
-    """The outline of a plate, along the side by which its mirrors stand."""
+    """Outline of a plate, along the side that orients its mirrors."""
     corners = plate.mesh.corners
     side = corners[0, 1] - corners[0, 0] if plate.side is None else plate.side
     return outline_of(plate.mesh, side, Message("The plate '{name}'", name=plate.name))
@@ -100,11 +99,11 @@ def plate_outline(plate: Plate) -> Outline:
 def fit_display(
     rig: Rig, plan_of: PlanOf, wanted: Wanted | None = None
 ) -> Generator[float, None, Fitted]:
-    """The display as large as the light needs that comes to its plane; yields progress 0..1.
+    """Size of the display for the light that reaches its plane; yields progress 0..1.
 
     Raises
     ------
-    RigError : it is not flat, or no light of the picture comes to its plane
+    RigError : the display is not flat, or no light of the picture reaches its plane
     """
     wanted = wanted or Wanted()
     outline = display_outline(rig.display)
@@ -128,12 +127,11 @@ def fit_display(
 def fit_plate(
     rig: Rig, plan_of: PlanOf, wanted: Wanted | None = None, number: int = 0
 ) -> Generator[float, None, Fitted]:
-    """A plate as large as the light needs that it sends to the
-    display's plane; yields progress 0..1.
+    """Size of a plate for the light it sends to the display's plane; yields progress 0..1.
 
     Raises
     ------
-    RigError : no light of the picture meets it, or the display is not flat
+    RigError : no light of the picture reaches the plate, or the display is not flat
     """
     wanted = wanted or Wanted()
     plate = rig.plates[number]
@@ -142,7 +140,7 @@ def fit_plate(
     most = max(1.0, wanted.most or MOST_PLATE)
     large = sizing.rig_with(most)
 
-    # a display that is too small is another matter
+    # A display that is too small must not limit the plate.
     screen = _screen_for(rig.display, plate)
     sizes = max(1.0, _most_display(rig, screen))
     large = _Sizing(large, plan_of, wanted, "displays", 0, screen).rig_with(sizes)
@@ -162,7 +160,7 @@ def fit_plate(
 
 
 def _screen_for(display: Display, plate: Plate) -> Outline:
-    """The outline of the display to which a plate sends its light."""
+    """Outline of the display that receives a plate's light."""
     try:
         return display_outline(display)
     except RigError:
@@ -175,7 +173,7 @@ def _screen_for(display: Display, plate: Plate) -> Outline:
 
 
 def _most_display(rig: Rig, outline: Outline) -> float:
-    """How many times as large a display may be."""
+    """Largest size allowed for a display, relative to its present one."""
     places = [place_in_sight(rig.picture_place, viewer) for viewer in rig.viewers]
     longest = max(np.linalg.norm(np.ptp(p.mesh.corners.reshape(-1, 3), axis=0)) for p in places)
     return float(MOST_DISPLAY * longest / (2 * outline.half.max()))
@@ -183,7 +181,7 @@ def _most_display(rig: Rig, outline: Outline) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Sizing:
-    """A part of a rig, by the rig's field and its number there, that is to have another size."""
+    """A part to resize, given by the rig's field and its number there."""
 
     rig: Rig
     plan_of: PlanOf
@@ -193,7 +191,7 @@ class _Sizing:
     outline: Outline
 
     def rig_with(self, size: float, shift: Floats | None = None) -> Rig:
-        """The rig with the part so many times as large, and moved by (3,) m."""
+        """The rig with the part resized by a factor and moved by (3,) m."""
         parts = list(getattr(self.rig, self.field))
         part = parts[self.number]
         shift = np.zeros(3) if shift is None else shift
@@ -203,8 +201,9 @@ class _Sizing:
     def settled(
         self, across: Floats, weight: Floats, largest: float
     ) -> Generator[float, None, Fitted]:
-        """The part as large as places (n, 2) need, of weights (n,), that were looked for with
-        the part `largest` times as large; yields the rest of the progress.
+        """The part as large as places (n, 2) of weights (n,) need; yields the rest of the progress.
+
+        largest : size, relative to the present one, with which these places were traced
         """
         wanted = self.wanted
         about = np.zeros(2)
@@ -220,7 +219,7 @@ class _Sizing:
         )
         before = yield from subprogress(self._traced(self.rig), 0.4, 0.7)
         if wanted.share >= 1 - ROUNDING:
-            # whatever arrives stays, also where no point of the coarser grid was
+            # Keep all light that arrives now, even between points of the coarser grid.
             now = float(self.outline.reach(self._met(before), about).max(initial=0.0))
             size = max(size, ROOM_SPARE * now if wanted.moves else min(ROOM_SPARE * now, 1.0))
         shift = about @ self.outline.axes
@@ -246,7 +245,7 @@ class _Sizing:
         )
 
     def _met(self, light: TracedPicture) -> Floats:
-        """Where light that arrives meets the part, (n, 2) along its axes."""
+        """Hits (n, 2) of arriving light on the part, along its axes."""
         found = light.light
         places = found.at_plate if self.field == "plates" else found.positions
         places = places[found.has_arrived]
@@ -258,18 +257,18 @@ N_RAYS = 101  # along a side of the largest picture
 
 
 class Plane(NamedTuple):
-    """A flat picture: its middle (3,), and its whole width and height (2, 3), m."""
+    """A flat picture: its centre (3,), and its whole width and height (2, 3), m."""
 
     middle: Floats
     sides: Floats
 
 
 def plane_of(rig: Rig) -> Plane:
-    """The plane of a rig's picture.
+    """Plane of a rig's picture.
 
     Raises
     ------
-    RigError : it has none of its own, or is no flat rectangle
+    RigError : the picture has no plane, or is not a flat rectangle
     """
     place = rig.picture_place
     if place.mesh is None:
@@ -287,7 +286,7 @@ def plane_of(rig: Rig) -> Plane:
 
 
 def resized(place: PicturePlace, plane: Plane, size: float, shift: Floats) -> PicturePlace:
-    """A picture so many times as large about its middle, and moved by (3,) m."""
+    """A picture resized by a factor about its centre, and moved by (3,) m."""
     mesh = place.mesh
     vertices = plane.middle + size * (mesh.vertices - plane.middle) + shift
     return replace(place, mesh=replace(mesh, vertices=vertices))
@@ -296,18 +295,18 @@ def resized(place: PicturePlace, plane: Plane, size: float, shift: Floats) -> Pi
 def fit_picture(
     rig: Rig, plan_of: PlanOf, wanted: Wanted | None = None
 ) -> Generator[float, None, Fitted]:
-    """The picture as large as gets through, up to twice its size; yields progress 0..1.
+    """Largest picture that gets through, up to twice its size; yields progress 0..1.
 
     Raises
     ------
-    RigError : it has no plane of its own, or hardly any of it gets through
+    RigError : the picture has no plane, or hardly any of it gets through
     """
     wanted = wanted or Wanted()
     plane = plane_of(rig)
     most = wanted.most or MOST_PICTURE
     plan = plan_of(rig)
 
-    # about which place, and about how large
+    # approximate place and size
     at, step = grid_over(np.full(2, most / 2), N_RAYS)
     arrives = yield from subprogress(_arrives(plan, plane.middle + at @ plane.sides), 0.0, 0.3)
     bundle = Bundle(at, at, arrives, step, np.full(2, most / 2), wanted.share)
@@ -321,7 +320,7 @@ def fit_picture(
     whole = yield from subprogress(_of_size(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
     size *= _part_that_arrives(whole, wanted.share)
     if size <= ROOM_SPARE and before.share >= wanted.share * (1 - ROUNDING):
-        size, shift = 1.0, np.zeros(3)  # it arrives as it is, with no more room than is spared
+        size, shift = 1.0, np.zeros(3)  # all of it arrives already, and more room would be wasted
     if size < LEAST_PICTURE:
         raise RigError(
             "Hardly any of the picture '{name}' gets through about its middle: move it, or turn"
@@ -344,13 +343,15 @@ def fit_picture(
 def _of_size(
     rig: Rig, plan_of: PlanOf, wanted: Wanted, plane: Plane, size: float, shift: Floats
 ) -> Generator[float, None, TracedPicture]:
-    """The light of a picture of another size."""
+    """Light of the picture at another size."""
     changed = replace(rig, pictures=(resized(rig.picture_place, plane, size, shift),))
     return (yield from traced_by_all(changed, plan_of, wanted.n_grid, is_fine=True))
 
 
 def _part_that_arrives(found: TracedPicture, share: float) -> float:
-    """The size at which light begins to be lost, of a picture's, less some room; 1 if none is."""
+    """Size, relative to the picture's, at which light begins to be lost, less a margin; 1 for no
+    loss.
+    """
     is_lost = ~found.light.has_arrived
     if not is_lost.any():
         return 1.0
@@ -359,7 +360,7 @@ def _part_that_arrives(found: TracedPicture, share: float) -> float:
 
 
 def _arrives(plan: Plan, points: Floats) -> Generator[float, None, Bools]:
-    """(n,) does the light of points (n, 3) arrive to all viewers? Yields progress 0..1."""
+    """Whether light of points (n, 3) reaches all viewers, (n,); yields progress 0..1."""
     viewers = plan.rig.viewers
     arrives = np.ones(len(points), bool)
     for k, viewer in enumerate(viewers):

@@ -1,10 +1,10 @@
-"""The light of a rig's picture: where each ray goes, where it lands, which share of it arrives.
+"""Light of a rig's picture: paths, landings, and the fraction that arrives.
 
-Rays are the viewer's own, straight through points in space. So the light of a place does not depend
-on the picture that stands there: one bundle answers for pictures of any size in its reach. Points
-spread evenly over the picture each stand for the part around them. If the light of neighbours takes
-different ways, a strip between them may be lost that no point is in, as at the edges of cut glass:
-there the picture is divided further, up to a few times the work.
+Rays are those of the viewer, straight through points in space. The light of a place is independent
+of the picture there, so one bundle serves pictures of any size within its reach. Points spread
+evenly over the picture each represent the part around them. If neighbours take different paths, a
+strip between them may be lost without containing a point, as at the edges of cut glass: there the
+picture is divided further, at up to a few times the work.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -26,16 +26,16 @@ from ..rig.mesh import Mesh
 from ..rig.rig import Kind, PicturePlace, Rig
 from ..rig.viewer import Viewer
 
-IS_FLAT = 1e-4  # of its size, by which a part may be off its plane
+IS_FLAT = 1e-4  # of its size: how far a flat part may leave its plane
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The outline of a flat part.
+    """Outline of a flat part.
 
-    middle : (3,) m, world, of its extents along the axes
+    middle : (3,) m, world, centre of its extents along the axes
     axes : (2, 3) unit, along its sides
-    edges : (e, 2, 2) m along the axes, from the middle
+    edges : (e, 2, 2) m along the axes, from the centre
     half : (2,) m, half of its width and height
     """
 
@@ -45,19 +45,17 @@ class Outline:
     half: Floats
 
     def across(self, places: Floats) -> Floats:
-        """Places (n, 3) along the axes, (n, 2) m from the middle."""
+        """Points (n, 3) in the outline's coordinates: (n, 2) m from its centre."""
         return (places - self.middle) @ self.axes.T
 
     def reach(self, across: Floats, about: Floats) -> Floats:
-        """How many times as large (n,) the outline would have to be to
-        reach places (n, 2), if its middle stood at (2,).
-        """
+        """Scale (n,) of the outline that just reaches points (n, 2) if its centre is at (2,)."""
         start, end = np.moveaxis(self.edges, 1, 0)
         along = end - start
         p = (across - about)[:, None]
         steep = cross_2d(p, along[None])
         with np.errstate(divide="ignore", invalid="ignore"):
-            # the ray t p meets the edge at start + s along
+            # The ray t p meets the edge at start + s along.
             t = cross_2d(start, along) / steep
             s = cross_2d(np.broadcast_to(start, (len(p), *start.shape)), p) / steep
             is_met = (t > 0) & (s >= -IS_FLAT) & (s <= 1 + IS_FLAT)
@@ -65,21 +63,21 @@ class Outline:
             return np.where(outermost > 0, 1 / outermost, 0.0)
 
     def changed(self, mesh: Mesh, size: float, shift: Floats) -> Mesh:
-        """Its mesh so many times as large about the middle, and moved by (3,) m."""
+        """The part's mesh scaled by `size` about its centre, and moved by (3,) m."""
         return replace(mesh, vertices=self.middle + size * (mesh.vertices - self.middle) + shift)
 
 
 def outline_of(mesh: Mesh, along: Floats, owner: str) -> Outline:
-    """The outline of a flat mesh.
+    """Outline of a flat mesh.
 
     Parameters
     ----------
     along : (3,) world, along one of its sides
-    owner : the part at the beginning of a sentence
+    owner : name of the part at the beginning of a sentence
 
     Raises
     ------
-    RigError : it is not flat
+    RigError : the mesh is not flat
     """
     normal = geometric_normals(mesh.corners)[areas_of(mesh.corners).argmax()]
     x = normalise(along - (along @ normal) * normal)
@@ -102,26 +100,26 @@ def outline_of(mesh: Mesh, along: Floats, owner: str) -> Outline:
 
 
 def _borders(mesh: Mesh) -> Ints:
-    """Edges (e, 2) of one triangle alone, by their vertices."""
+    """Edges (e, 2) of a single triangle, as vertex indices."""
     pairs = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, counts = np.unique(pairs, axis=0, return_counts=True)
     return edges[counts == 1]
 
 
-RAYS_AT_ONCE = 5000  # that are traced together: so often Esc is heard
+RAYS_AT_ONCE = 5000  # batch size: Esc is checked between batches
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """The light of points (n), in their order.
+    """Light of n points, in their order.
 
-    is_seen : (n,) lies the point within the viewer's image?
-    reason : (n,) of Reason; of points out of sight BLOCKED
-    branch : (n,) the way of the light, 0 where it ended on the way
+    is_seen : (n,) whether the point lies in the viewer's image
+    reason : (n,) Reason; BLOCKED outside the image
+    branch : (n,) the light's branch, 0 if it ended on the way
     positions : (n, 3) m, of the ends
-    has_leaked : (n,) through a gap in open glass
-    into_glass, out_of_glass : (n, 3) m, first and last meeting with glass, NaN where there is none
-    at_plate : (n, 3) m, first meeting with the plate that was asked about, NaN where there is none
+    has_leaked : (n,) whether it went through a gap in open glass
+    into_glass, out_of_glass : (n, 3) m, first and last hit on glass, NaN for none
+    at_plate : (n, 3) m, first hit on the given plate, NaN for none
     """
 
     is_seen: Bools
@@ -135,12 +133,13 @@ class Light:
 
     @property
     def has_arrived(self) -> Bools:
-        """(n,) is the point seen, and has its light a landing on the display?"""
+        """Whether points are seen and their light lands on the display, (n,)."""
         return self.is_seen & (self.reason == Reason.ARRIVED)
 
     def lost(self, weight: Floats) -> dict[str, float]:
-        """Shares of the weight (n,) in sight that do not arrive, by reason in words; light that
-        went through a gap has no other one.
+        """Fractions of the visible weight (n,) that do not arrive, by reason as text.
+
+        Light through a gap counts under this reason only.
         """
         seen = np.where(self.is_seen, weight, 0.0)
         whole = max(float(seen.sum()), np.finfo(float).tiny)
@@ -154,7 +153,7 @@ class Light:
 
 
 def together(lights: Sequence[Light]) -> Light:
-    """The light of several viewers as one, the points of each behind those of the one before."""
+    """Light of several viewers joined, their points in succession."""
     return Light(
         **{
             field.name: np.concatenate([getattr(light, field.name) for light in lights])
@@ -166,9 +165,9 @@ def together(lights: Sequence[Light]) -> Light:
 def light_of(
     plan: Plan, points: Floats, plate: Outline | None = None
 ) -> Generator[float, None, Light]:
-    """Follow the viewer's rays straight through points (n, 3), m; yields progress 0..1.
+    """Trace the viewer's rays through points (n, 3), m; yields progress 0..1.
 
-    plate : the outline of a plate, whose meetings are noted
+    plate : outline of a plate whose hits are recorded
     """
     viewer = plan.viewer
     xy = viewer.project(points)
@@ -206,7 +205,7 @@ def light_of(
 
 
 def _note_meetings(plan: Plan, light: Light, of: Ints, steps: list[Step]) -> None:
-    """Write down where rays, those of points `of`, met glass."""
+    """Record the first and last hit on glass of the rays of points `of`."""
     for step in steps:
         is_glass = _kind(plan, step) == Kind.GLASS
         ray = of[step.rays[is_glass]]
@@ -217,7 +216,7 @@ def _note_meetings(plan: Plan, light: Light, of: Ints, steps: list[Step]) -> Non
 
 
 def _note_plate(plan: Plan, light: Light, of: Ints, steps: list[Step], plate: Outline) -> None:
-    """Write down where rays, those of points `of`, first met a plate."""
+    """Record the first hit on a plate of the rays of points `of`."""
     normal = np.cross(*plate.axes)
     for step in steps:
         off = np.abs((step.place - plate.middle) @ normal)
@@ -228,7 +227,7 @@ def _note_plate(plan: Plan, light: Light, of: Ints, steps: list[Step], plate: Ou
 
 
 def _kind(plan: Plan, step: Step) -> Ints:
-    """The kind of part (h,) that each ray of a step met."""
+    """Kind of part (h,) that each ray of a step hits."""
     return plan.parts.kind[plan.triangles.part[step.triangle]]
 
 
@@ -252,7 +251,7 @@ PARTS = (
     ),
 )
 THIRDS = 1 / 3, 2 / 3  # of the picture's sides
-MOST = 0.95  # share of the light without its outermost part
+MOST = 0.95  # fraction of the light without its outermost part
 
 
 N_GRID = 128  # points along each edge of a triangle of the picture
@@ -260,16 +259,15 @@ N_GRID = 128  # points along each edge of a triangle of the picture
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """The light of a picture on the plane of its display.
+    """Light of a picture on the plane of its display.
 
     places : (n, 2) in the picture's UV
-    across : (n, 2) m, along the display's width and height, from its middle to the landings
-    weight : (n,) share of the picture
-    beside : (m, 2) as places, of light that lands beside the display
-    beside_weight : (m,) share of the picture
-    lost : shares of the picture that do not arrive, by reason; the
-        part out of the viewer's sight does not count
-    leaked : share of the picture that arrives through gaps in open glass
+    across : (n, 2) m, along the display's width and height, from its centre to the landings
+    weight : (n,) fraction of the picture
+    beside : (m, 2) places of light that misses the display on its plane
+    beside_weight : (m,) fraction of the picture
+    lost : fractions of the visible picture that do not arrive, by reason
+    leaked : fraction of the picture that arrives through gaps in open glass
     """
 
     places: Floats
@@ -282,13 +280,14 @@ class Spread:
 
     @property
     def unseen(self) -> dict[str, float]:
-        """As `lost`, with light that arrives through gaps: nobody knows that it is seen."""
+        """`lost`, with light that arrives through gaps counted as lost."""
         leaked = self.lost.get(BY_GAPS, 0.0) + self.leaked
         return {**self.lost, BY_GAPS: leaked} if leaked else self.lost
 
     def width(self, aspect: float, share: float = 1.0) -> float:
-        """Width, m, of a display, `aspect` times as wide as high,
-        on which this share of the arriving light lands.
+        """Width, m, of a display that receives a given fraction of the arriving light.
+
+        aspect : the display's width by its height
         """
         if not len(self.across):
             return 0.0
@@ -299,9 +298,7 @@ class Spread:
         return 2 * float(half[order[last]])
 
     def outermost(self, aspect: float) -> Message:
-        """From which part of the picture the light comes that lands
-        furthest from the display's middle, in words.
-        """
+        """Name of the part of the picture whose light lands furthest from the display's centre."""
         is_far = 2 * self._half_widths(aspect) > self.width(aspect, MOST)
         return part_of_picture(self.places[is_far], self.weight[is_far])
 
@@ -310,13 +307,11 @@ class Spread:
 
 
 def part_of_picture(places: Floats, weight: Floats) -> Message:
-    """The part of a picture in which most of these places (n,
-    2) lie, in its UV, by their weight (n,), in words.
-    """
+    """Name of the part of a picture with most of the weight (n,) of places (n, 2), in its UV."""
     if not len(places):
         return SEVERAL
 
-    # the light of each of nine parts
+    # light of each of nine parts
     column, row = np.digitize(places, THIRDS).T
     of_part = np.zeros((3, 3))
     np.add.at(of_part, (row, column), weight / weight.sum())
@@ -338,18 +333,19 @@ def part_of_picture(places: Floats, weight: Floats) -> Message:
 
 
 def points_of(place: PicturePlace, n: int = 0) -> tuple[Floats, Floats, Floats]:
-    """Points (n, 3) spread evenly over the triangles of a picture,
-    their UV (n, 2) and the area (n,) each stands for.
+    """Points (n, 3) spread evenly over the triangles of a picture.
+
+    Returns their UV (n, 2) and the area (n,) each represents as well.
     """
     return points_over(place.mesh.corners, place.mesh.uv, n or N_GRID)
 
 
 def points_over(corners: Floats, uv: Floats, n: int) -> tuple[Floats, Floats, Floats]:
-    """The same over triangles (t, 3, 3), with UV (t, 3, 2), by n points along each edge.
+    """`points_of` for triangles (t, 3, 3) with UV (t, 3, 2) and n points along each edge.
 
-    A triangle is divided into small ones; a third of each belongs to each of its corners.
+    Each triangle is divided into small ones, whose corners represent a third of each.
     """
-    # the corners of the small ones, by barycentric coordinates
+    # corners of the small triangles, in barycentric coordinates
     a, b = (x.ravel() for x in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
     a, b = a[a + b <= n], b[a + b <= n]
     c = n - a - b
@@ -364,7 +360,7 @@ def points_over(corners: Floats, uv: Floats, n: int) -> tuple[Floats, Floats, Fl
 
 
 def small_triangles(n: int, n_triangles: int) -> Ints:
-    """The small triangles (m, 3) of `points_over`, as numbers of its points."""
+    """Small triangles (m, 3) of `points_over`, as indices of its points."""
     b, a = np.indices((n + 1, n + 1)).reshape(2, -1)
     b, a = b[a + b <= n], a[a + b <= n]
     number = np.full((n + 2, n + 2), -1)
@@ -378,11 +374,11 @@ def small_triangles(n: int, n_triangles: int) -> Ints:
 
 
 def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Spread]:
-    """Trace the light of the picture, which faces the viewer; yields progress 0..1.
+    """Trace the light of a picture that faces the viewer; yields progress 0..1.
 
     Parameters
     ----------
-    plan : of a rig whose display is as large as allowed
+    plan : of a rig with the largest display allowed
     display_frame : (4, 4) of the display, m
     """
     points, uv, area = points_of(plan.rig.picture_place)
@@ -391,11 +387,11 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
 
 
 def spread_in(light: Light, uv: Floats, area: Floats, display_frame: Floats) -> Spread:
-    """The spread of light that was traced already.
+    """Spread of traced light.
 
     Parameters
     ----------
-    uv, area : (n, 2) and (n,) of the light's points, as by `points_of`
+    uv, area : (n, 2) and (n,) of the light's points, from `points_of`
     display_frame : (4, 4) of the display, m
     """
     seen = np.where(light.is_seen, area, 0.0)
@@ -417,14 +413,14 @@ def spread_in(light: Light, uv: Floats, area: Floats, display_frame: Floats) -> 
 PlanOf = Callable[[Rig], Plan]
 
 
-# where ways part a picture is divided into so many parts along an edge, again and again, and less
-# where that takes more rays: in cut crystal ways part all over
+# Repeated divisions of a triangle's edge between different paths. MOST_RAYS limits them, because in
+# cut crystal paths differ everywhere.
 PARTS_ALONG, MOST_DIVISIONS, MOST_RAYS = 4, 3, 60_000
 
 
 def place_in_sight(place: PicturePlace, viewer: Viewer) -> PicturePlace:
-    """A picture with a plane: its own, or one in front of
-    the viewer where it is in the viewer's own pixels.
+    """A picture with a plane: its own, or one before the viewer for an image of the viewer's
+    pixels.
     """
     if place.mesh is not None:
         return place
@@ -441,9 +437,9 @@ def place_in_sight(place: PicturePlace, viewer: Viewer) -> PicturePlace:
 
 @dataclass(frozen=True, eq=False)
 class TracedPicture:
-    """The light of a rig's picture, of places uv (n, 2) and their shares (n,) of the picture.
+    """Light of a rig's picture at places uv (n, 2).
 
-    area : (n,) as weight, which is 0 out of sight, in all places
+    area : (n,) fraction of the picture at each place; `weight` is 0 at places out of sight
     """
 
     light: Light
@@ -460,12 +456,12 @@ class TracedPicture:
 
     @property
     def share(self) -> float:
-        """The part of the picture that arrives."""
+        """Fraction of the picture that arrives."""
         return 1.0 - sum(self.lost.values())
 
 
 def traced(rig: Rig, plan_of: PlanOf, n_grid: int = 0) -> Generator[float, None, TracedPicture]:
-    """Follow the light of a rig's picture to its first viewer; yields progress 0..1."""
+    """Trace the light of a rig's picture to its first viewer; yields progress 0..1."""
     return (yield from traced_by_all(replace(rig, viewers=rig.viewers[:1]), plan_of, n_grid))
 
 
@@ -476,9 +472,9 @@ def traced_by_all(
     plate: Outline | None = None,
     is_fine: bool = False,
 ) -> Generator[float, None, TracedPicture]:
-    """The same to all viewers, one behind the other, each with an even part of the weight.
+    """`traced` for all viewers in succession, with equal weight.
 
-    is_fine : divide the picture further where ways of light part
+    is_fine : divide the picture further between different paths
     """
     plan, n = plan_of(rig), len(rig.viewers)
     lights, uvs, areas = [], [], []
@@ -496,9 +492,7 @@ def traced_by_all(
 def _light_over(
     plan: Plan, place: PicturePlace, n_grid: int, plate: Outline | None, is_fine: bool
 ) -> Generator[float, None, tuple[Light, Floats, Floats]]:
-    """The light of points over a picture, their UV (n, 2), and the area (n,) that each stands
-    for; yields progress 0..1.
-    """
+    """Light of points over a picture, their UV (n, 2) and areas (n,); yields progress 0..1."""
     n = n_grid or N_GRID
     points, uv, area = points_of(place, n)
     small = small_triangles(n, len(place.mesh.triangles))
@@ -509,7 +503,7 @@ def _light_over(
         times = min(PARTS_ALONG, int(np.sqrt(2 * MOST_RAYS / max(len(parts), 1))) - 1)
         if not len(parts) or times < 2:
             break
-        # what they stood for goes to the points between
+        # Their area passes to the new points between them.
         np.subtract.at(areas[-1], parts, areas_of(points[parts])[:, None] / 3)
         points, uv, area = points_over(points[parts], uv[parts], times)
         small = small_triangles(times, len(parts))
@@ -518,11 +512,11 @@ def _light_over(
         lights.append(light)
         uvs.append(uv)
         areas.append(area)
-    whole = np.maximum(np.concatenate(areas), 0.0)  # but for rounding
+    whole = np.maximum(np.concatenate(areas), 0.0)  # rounding
     return together(lights), np.concatenate(uvs), whole
 
 
 def _part(light: Light, triangles: Ints) -> Bools:
-    """(m,) does the light of the corners of triangles (m, 3) take different ways?"""
+    """Whether the light of a triangle's (m, 3) corners takes different paths, (m,)."""
     ways = (light.branch, light.reason, light.is_seen)
     return np.any([(way[triangles] != way[triangles[:, :1]]).any(axis=1) for way in ways], axis=0)

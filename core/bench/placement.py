@@ -1,15 +1,13 @@
-"""Places and sizes, in m, of the parts of a new rig with or without a plate, or of one made anew.
+"""Places and sizes, in m, of the parts of a new rig, with or without a plate, or of a new part.
 
-With a plate: the viewer looks along f; the picture stands in the glass's centre c and faces the
-viewer; the plate stands at c + D f. The display stands at the mirror image of the picture in the
-plate, turned as a mirror turns it.
+With a plate: the viewer looks along f; the picture is in the glass's centre c and faces the viewer;
+the plate is at c + D f. The display is at the picture's mirror image in the plate, turned as a
+mirror turns it.
 
-Without one: the viewer looks through the glass's centre at the display, which stands upright behind
-the glass, or lies under it for a viewer who looks down steeply. The picture is where the display
-is.
+Without a plate: the viewer looks through the glass's centre at the display, which stands upright
+behind the glass, or lies under it if the viewer looks down steeply. The picture is at the display.
 
-So each of picture, plate and display follows from the other two: a part that was deleted is made
-anew there.
+Each of picture, plate and display follows from the other two, so a deleted part can be made again.
 """
 
 from dataclasses import dataclass, replace
@@ -28,15 +26,14 @@ from .part_sizes import plate_outline
 
 @dataclass(frozen=True)
 class ReferenceBench:
-    """The bench of Kiriko's reference, for a glass up to `large_m` wide; a larger one scales all.
+    """Kiriko's reference bench, for glass up to `large_m` wide; larger glass scales it.
 
     distance_m : from the glass's centre to the plate's
     viewer_distance_m : from the glass's centre to the viewer
     plate_m : side of the plate
-    picture_share : of the glass's smaller side: the plate takes all light
-        of it from balls of index up to 1.6
-    most_display : times the picture, of a display's shorter side, where nobody says how wide it may
-        be
+    picture_share : of the glass's smaller side; the plate receives all light of a ball of index up
+        to 1.6
+    most_display : default limit of a display's shorter side, times the picture
     """
 
     large_m: float = 0.1
@@ -54,7 +51,7 @@ REFERENCE_BENCH = ReferenceBench()
 class Placement:
     """Frames (4, 4) of the parts: columns right, up, front, position.
 
-    Right-handed. The viewer looks along -front. plate: None where there is none.
+    Right-handed; the viewer looks along -front. plate : None for none
     """
 
     viewer: Floats
@@ -73,24 +70,24 @@ def frame(right: Floats, up: Floats, position: Floats) -> Floats:
 def place(
     centre: Floats, distance: float, tilt: float, viewer_distance: float, azimuth: float = 0.0
 ) -> Placement:
-    """Stand the parts of a rig around a glass, z up.
+    """Place the parts of a rig around a glass, z up.
 
     Parameters
     ----------
     centre : (3,) of the glass
     distance : from there to the plate's centre along the view axis
-    tilt : rad, of the plate about the horizontal; 0 faces the
-        viewer, pi/4 has the display straight below the plate
+    tilt : rad, of the plate about the horizontal; at 0 it faces the viewer, at pi/4 the display is
+        straight below it
     viewer_distance : from the centre to the viewer
-    azimuth : rad, by which the viewer goes round the glass about z; at 0 it looks along +y
+    azimuth : rad, of the viewer about z; at 0 it looks along +y
     """
-    # the viewer's axes
+    # viewer's axes
     centre = np.asarray(centre, float)
     forward = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     right = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     up = np.array([0.0, 0.0, 1.0])
 
-    # the plate, and the mirror image of the picture in it
+    # plate, and the picture's mirror image in it
     normal = np.cos(tilt) * forward - np.sin(tilt) * up
     plate_centre = centre + distance * forward
     mirrored = centre + 2 * dot(plate_centre - centre, normal) * normal
@@ -105,12 +102,12 @@ def place(
 
 @dataclass(frozen=True)
 class Wishes:
-    """The request for a new rig: lengths in m, 0 where the glass decides; angles in rad.
+    """Request for a new rig: lengths in m, 0 for automatic; angles in rad.
 
-    `field` is the width that the viewer sees at the glass; `distance` the way from the glass's
-    centre to the plate's, or from its back to the display where there is no plate; `look_down` the
-    angle by which a viewer of such a rig looks down; `max_display` the most that a display may have
-    by itself; `aspect` the display's width by its height.
+    `field` is the width the viewer sees at the glass. `distance` leads from the glass's centre to
+    the plate's, or without a plate from its back to the display. `look_down` is the angle at which
+    the viewer of a rig without a plate looks down. `max_display` limits an automatic display.
+    `aspect` is the display's width by its height.
     """
 
     distance: float = 0.0
@@ -128,9 +125,9 @@ class Wishes:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A new rig: where its parts stand; sides of picture and plate, width of display and field, m.
+    """A new rig: frames of its parts; sides of picture and plate, width of display and field, m.
 
-    The display is as wide as it may be, until the light of the picture has been traced to it.
+    The display has its largest width until the picture's light has been traced to it.
     """
 
     placement: Placement
@@ -142,8 +139,8 @@ class Proposal:
 
 
 def propose(bounds: Floats, wishes: Wishes) -> Proposal:
-    """A rig around glass within these bounds (2, 3), world, m."""
-    # the size of the glass, as the viewer sees it
+    """A rig around glass within bounds (2, 3), world, m."""
+    # size of the glass, as the viewer sees it
     low, high = bounds
     corners = np.stack(np.meshgrid(*bounds.T), axis=-1).reshape(-1, 3)
     width = np.ptp(corners @ np.array([np.cos(wishes.azimuth), np.sin(wishes.azimuth), 0.0]))
@@ -166,8 +163,8 @@ def propose(bounds: Floats, wishes: Wishes) -> Proposal:
 
 
 def rectangle(at: Floats, width: float, height: float) -> Mesh:
-    """A plane in the frame `at` (4, 4), whose front is the
-    third axis, with UV from its lower left corner.
+    """A square in the frame `at` (4, 4), its front along the third axis, with UV from the lower
+    left.
     """
     uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
     across = (uv - 0.5) * (width, height)
@@ -176,7 +173,7 @@ def rectangle(at: Floats, width: float, height: float) -> Mesh:
 
 
 def viewer_of(proposal: Proposal, pixels: tuple[int, int], aspect: float = 1.0) -> Viewer:
-    """The viewer, whose longer side is the field.
+    """The viewer, with the field as its longer side.
 
     Pixels (width, height), each `aspect` times as wide as high.
     """
@@ -190,11 +187,11 @@ def viewer_of(proposal: Proposal, pixels: tuple[int, int], aspect: float = 1.0) 
 
 
 def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, int]) -> Rig:
-    """The parts on the bench already, and the proposal's.
+    """The rig of a proposal, with the parts already on the bench.
 
     Parameters
     ----------
-    bench : glass, and the plates, mirrors and blockers that are there
+    bench : glass, and existing plates, mirrors and blockers
     pixels : width and height of the display
     """
     where = proposal.placement
@@ -217,7 +214,7 @@ def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, in
 
 
 def lattice(pixels: int = 1024, n: int = 7) -> np.ndarray:
-    """The default picture: n x n dots on black whose colour says which is which.
+    """Default picture: n x n dots on black, each with its own colour.
 
     Dot (i, j), column i from the left and row j from the top, has linear red 1, green (i + 1) / (n
     + 1) and blue (j + 1) / (n + 1); its centre is at ((i + 1/2) / n, (j + 1/2) / n) of the picture,
@@ -241,14 +238,14 @@ def lattice(pixels: int = 1024, n: int = 7) -> np.ndarray:
 
 @dataclass(frozen=True)
 class StraightBench:
-    """The bench without a plate, for a glass of any size.
+    """The bench without a plate, for glass of any size.
 
-    lies_from : rad, of the viewer's look down: from there on the display lies under the glass
-    gap_share : of the glass's depth, the way from its back to an upright display: light through the
-        middle of a ball of index 1.5 then lands as far from the axis as it came. Glass lies on a
-        display that lies
-    lift_share : of the picture, by which it stands before the display, so
-        that both can be seen and selected
+    lies_from : rad; from this view angle on the display lies under the glass
+    gap_share : distance from the glass's back to an upright display, relative to its depth: light
+        through the centre of a ball of index 1.5 then lands as far from the axis as it entered.
+        Glass rests on a lying display
+    lift_share : distance of the picture before the display, relative to the picture, so that both
+        can be seen and selected
     """
 
     lies_from: float = np.pi / 4
@@ -260,10 +257,10 @@ STRAIGHT_BENCH = StraightBench()
 
 
 def propose_behind(bounds: Floats, wishes: Wishes, aim: Floats | None = None) -> Proposal:
-    """A rig without a plate, around glass within these bounds (2, 3), world, m.
+    """A rig without a plate, around glass within bounds (2, 3), world, m.
 
-    aim : bounds (2, 3) of the glass of which the viewer looks at the middle, where it is not
-        all of it: between two glasses there is none. The display is behind all of it
+    aim : bounds (2, 3) of the glass whose centre the viewer looks at, if not all glass: between two
+        glasses there is nothing to look at. The display is behind all glass
     """
     bench = STRAIGHT_BENCH
     aim = bounds if aim is None else aim
@@ -272,7 +269,7 @@ def propose_behind(bounds: Floats, wishes: Wishes, aim: Floats | None = None) ->
         np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3) - centre for box in (bounds, aim)
     )
 
-    # the viewer's axes
+    # viewer's axes
     level = np.array([-np.sin(wishes.azimuth), np.cos(wishes.azimuth), 0.0])
     right = np.array([np.cos(wishes.azimuth), np.sin(wishes.azimuth), 0.0])
     up = np.array([0.0, 0.0, 1.0])
@@ -280,17 +277,17 @@ def propose_behind(bounds: Floats, wishes: Wishes, aim: Floats | None = None) ->
     forward = along * level - down * up
     upward = down * level + along * up
 
-    # sizes of the glass, as the viewer sees it, and how far it reaches to the display
+    # sizes of the glass, as the viewer sees it, and its reach towards the display
     lies = wishes.look_down >= bench.lies_from - 1e-6
     away = -up if lies else level
     width, height, depth = (float(np.ptp(of_aim @ axis)) for axis in (right, upward, away))
-    # all of it is in sight
+    # field for all glass
     wide = 2 * max(float(np.abs(corners @ axis).max()) for axis in (right, upward))
     grow = max(1.0, wide / REFERENCE_BENCH.large_m)
     gap = wishes.distance or (0.0 if lies else bench.gap_share * depth)
     way = (float((corners @ away).max()) + gap) / float(away @ forward)
 
-    # what is seen at the glass is seen larger further away
+    # The picture is behind the glass, so it is larger by perspective.
     distance = wishes.viewer_distance or REFERENCE_BENCH.viewer_distance_m * grow
     seen = REFERENCE_BENCH.picture_share * (min(width, height) or wide)
     picture = wishes.picture or seen * (distance + way) / distance
@@ -313,15 +310,15 @@ def propose_behind(bounds: Floats, wishes: Wishes, aim: Floats | None = None) ->
     )
 
 
-LEAST = 1e-6  # of a frame's place: nearer ones are in the same
+LEAST = 1e-6  # of a frame's place: closer ones coincide
 
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """Where a part stands, and how large it is.
+    """Pose and size of a part.
 
     frame : (4, 4) columns right, up, front, position, world
-    side : m, of a picture or a plate; the shorter one of a display; the width that a viewer sees
+    side : m, of a picture or a plate, of a display's shorter side, or the width a viewer sees
     distance : m, of a viewer from what it sees
     """
 
@@ -331,11 +328,11 @@ class Stand:
 
 
 def stand_of(role: str, rig: Rig) -> Stand:
-    """Where a part of a role is to be made, in a rig that has none of it.
+    """Pose and size for a missing part of a role.
 
     Raises
     ------
-    RigError : too little is left of the rig to tell
+    RigError : too little is left of the rig
     """
     makers = {"DISPLAY": _display, "PICTURE": _picture, "PLATE": _plate, "VIEWER": _viewer}
     if not rig.glasses:
@@ -369,7 +366,7 @@ def _picture(rig: Rig) -> Stand:
 
 
 def _plate(rig: Rig) -> Stand:
-    """Half way between picture and display, before the viewer's eyes."""
+    """Half way between picture and display, in the viewer's line of sight."""
     picture = (_picture_left(rig) or _in_glass(rig)).frame
     if not rig.displays:
         raise _too_little()
@@ -391,7 +388,7 @@ def _plate(rig: Rig) -> Stand:
 
 
 def _viewer(rig: Rig) -> Stand:
-    """In front of the picture, as far from the glass's middle as Add Rig has it."""
+    """In front of the picture, as far from the glass's centre as in a new rig."""
     picture = (_picture_left(rig) or _in_glass(rig)).frame
     distance = REFERENCE_BENCH.viewer_distance_m * _grow(rig)
     to_glass = (_bounds(rig).mean(axis=0) - picture[:3, 3]) @ picture[:3, 2]
@@ -399,7 +396,7 @@ def _viewer(rig: Rig) -> Stand:
 
 
 def _picture_left(rig: Rig) -> Stand | None:
-    """The picture that is there; None for one in the viewer's own pixels, too."""
+    """The existing picture; None if it has no plane."""
     mesh = rig.picture_place.mesh if rig.pictures else None
     if mesh is None:
         return None
@@ -408,7 +405,7 @@ def _picture_left(rig: Rig) -> Stand | None:
 
 
 def _in_glass(rig: Rig) -> Stand:
-    """A picture in the middle of the glass, which faces the viewer, or whoever looks along +y."""
+    """A picture in the centre of the glass, facing the viewer (or -y without one)."""
     right, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     if rig.viewers:
         right, up, _ = rig.viewers[0].axes
@@ -432,7 +429,7 @@ def _grow(rig: Rig) -> float:
 
 
 def _frame_of(mesh: Mesh) -> Floats:
-    """The frame of a flat rectangle, by its UV: right along u, up along v."""
+    """Frame of a flat rectangle from its UV: right along u, up along v."""
     uv = mesh.uv.reshape(-1, 2)
     fit, _ = affine_fit(uv, mesh.corners.reshape(-1, 3))
     right = normalise(fit[0])
@@ -450,7 +447,7 @@ def _mirrored(of: Floats, rig: Rig) -> Floats:
 
 
 def _shifted(of: Floats, along: float) -> Floats:
-    """A frame that is moved along its front."""
+    """A frame moved along its front."""
     moved = of.copy()
     moved[:3, 3] += along * of[:3, 2]
     return moved

@@ -1,9 +1,8 @@
-"""The sketch of a rig, to be drawn over it: light paths, the lost part of the picture, the aerial
-plane, distances. Lines and words as plain data; lengths in m, places in the world.
+"""Sketch of a rig to draw over it: light paths, lost parts of the picture, distances.
 
-An incomplete rig, or one that cannot be solved, is sketched as far as possible: without a plan
-there is no light. A picture in the viewer's own pixels has no place of its own; it is drawn across
-the view, as far away as the glass.
+Lines and texts are plain data; lengths in m, places in the world. An incomplete or unsolvable rig
+is sketched as far as possible; without a plan there is no light. A picture in the viewer's own
+pixels has no place, so it is drawn across the view at the glass's distance.
 """
 
 from dataclasses import dataclass, field
@@ -27,13 +26,15 @@ from ..rig.rig import Kind, Mesh, PicturePlace, Rig, Viewer
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 MIDDLE = np.array([[0.5, 0.5]])
 SPLIT = np.array([[0, 1, 2], [0, 2, 3]])
-RECTANGLE = 1e-6  # of its size: how flat, affine and whole a picture is that counts as a rectangle
-OFF_TRIANGLE = 1e-9  # barycentric: a place so far beyond all triangles is still on the picture
+RECTANGLE = (
+    1e-6  # of its size: deviation up to which a picture counts as a flat, affine, whole rectangle
+)
+OFF_TRIANGLE = 1e-9  # barycentric: distance beyond all triangles that is still on the picture
 
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """A picture's triangles in space, with the place of each of their corners on the image.
+    """A picture's triangles in space, with the image coordinates of their corners.
 
     corners : (t, 3, 3) m, world
     uv : (t, 3, 2) on the picture, 0..1 over all of it, v upward
@@ -43,9 +44,9 @@ class Canvas:
     uv: Floats
 
     def points(self, places: Floats) -> tuple[Floats, Bools]:
-        """Points (n, 3) m of places (n, 2) on the image, and are they on the picture (n,)?
+        """Points (n, 3) m of image places (n, 2), and whether they are on the picture (n,).
 
-        Beyond the picture's triangles the point is the nearest one's at that place.
+        Outside the picture's triangles the nearest one is extended.
         """
         best = np.full(len(places), -np.inf)
         points = np.full((len(places), 3), np.nan)
@@ -60,7 +61,7 @@ class Canvas:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Width and height, m, along its lower and its left edge."""
+        """Width and height, m, along the lower and the left edge."""
         points, _ = self.points(CORNERS)
         return float(length_of(points[1] - points[0])), float(length_of(points[3] - points[0]))
 
@@ -76,11 +77,11 @@ def _weights(places: Floats, uv: Floats) -> Floats:
 
 
 def canvas_of(picture: PicturePlace, viewer: Viewer | None, towards: Floats) -> Canvas | None:
-    """The canvas of a picture; None where it stands nowhere.
+    """Canvas of a picture; None if it has no place.
 
     Parameters
     ----------
-    towards : (3,) m, the middle of the glass, by which a picture in the viewer's pixels stands
+    towards : (3,) m, centre of the glass, for a picture in the viewer's pixels
     """
     if picture.mesh is not None:
         return _of_mesh(picture.mesh)
@@ -113,9 +114,7 @@ def _of_mesh(mesh: Mesh) -> Canvas | None:
 
 
 def _as_rectangle(canvas: Canvas) -> Canvas:
-    """A flat rectangle of many triangles as one of two, in which places
-    are found quickly; any other canvas as it is.
-    """
+    """A flat rectangle reduced to two triangles, for quick lookups; any other canvas unchanged."""
     corners = canvas.corners.reshape(-1, 3)
     fit, missed = affine_fit(canvas.uv.reshape(-1, 2), corners)
     is_flat = missed <= RECTANGLE * np.ptp(corners, axis=0).max()
@@ -126,10 +125,10 @@ def _as_rectangle(canvas: Canvas) -> Canvas:
 
 
 def sight_lines(viewer: Viewer, points: Floats) -> tuple[Floats, Floats, Floats, Bools]:
-    """Rays from a viewer to points (n, 3) m: origins, directions, distances (n,), and are
-    the points within its image (n,)?
+    """Rays from a viewer to points (n, 3) m: origins, directions, distances (n,), is in the image
+    (n,).
 
-    Those of points behind it run along its axis.
+    Rays to points behind the viewer follow its axis.
     """
     xy = viewer.project(points)
     size = np.array([viewer.width, viewer.height])
@@ -143,9 +142,9 @@ def sight_lines(viewer: Viewer, points: Floats) -> tuple[Floats, Floats, Floats,
 
 
 def outline_of(corners: Floats) -> Floats:
-    """The edges (e, 2, 3) of triangles (t, 3, 3) that no other of them shares."""
+    """Edges (e, 2, 3) of a single one of triangles (t, 3, 3)."""
     edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 3)
-    # the same number for the same place, whichever triangle has it
+    # Number corners by place, so that triangles share them.
     _, place = np.unique(edges.reshape(-1, 3), axis=0, return_inverse=True)
     ends = np.sort(place.reshape(-1, 2), axis=1)
     _, number, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
@@ -154,12 +153,11 @@ def outline_of(corners: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Hatch:
-    """How a lost part is found and hatched. Looked at in Blender, on pictures from 10 to 1000 px.
+    """How lost parts are found and hatched; chosen by eye on pictures from 10 to 1000 px.
 
-    n_grid : rays each way, spread over the picture; each stands for the part around it
-    n_lines : hatch lines that cross a picture as wide as high from corner to corner
-    n_looks : places at which each line is asked whether it is on a lost part, for each ray it
-        passes by
+    n_grid : rays each way over the picture; each represents the part around it
+    n_lines : hatch lines across a square picture, from corner to corner
+    n_looks : samples of a line for each ray it passes
     """
 
     n_grid: int = 40
@@ -171,14 +169,14 @@ HATCH = Hatch()
 
 
 def grid() -> Floats:
-    """Places (n n, 2) on the picture, 0..1, row by row from below: the middles of its parts."""
+    """Centres (n n, 2) of the picture's parts, 0..1, row by row from below."""
     middles = (np.arange(HATCH.n_grid) + 0.5) / HATCH.n_grid
     u, v = np.meshgrid(middles, middles)
     return np.stack([u.ravel(), v.ravel()], axis=1)
 
 
 def hatched(is_lost: Bools, size: tuple[float, float]) -> Floats:
-    """Hatch lines (l, 2, 2) on the lost part, by the places of their ends on the picture, 0..1.
+    """Hatch lines (l, 2, 2) on the lost parts, with ends in picture coordinates, 0..1.
 
     Parameters
     ----------
@@ -197,7 +195,7 @@ def hatched(is_lost: Bools, size: tuple[float, float]) -> Floats:
 
 
 def _on_line(is_lost: Bools, offset: float, width: float, height: float) -> Floats:
-    """The pieces (l, 2, 2) of one line y = x + offset that lie on lost parts."""
+    """Pieces (l, 2, 2) of one line y = x + offset on lost parts."""
     start = max(0.0, -offset)
     stop = min(width, height - offset)
     n_looks = max(1, round((stop - start) * HATCH.n_grid * HATCH.n_looks / min(width, height)))
@@ -205,7 +203,7 @@ def _on_line(is_lost: Bools, offset: float, width: float, height: float) -> Floa
     middles = (ends[1:] + ends[:-1]) / 2
     places = np.stack([middles / width, (middles + offset) / height], axis=1)
 
-    # where it goes onto lost parts, and off them
+    # where the line enters and leaves lost parts
     on = np.concatenate([[False], is_lost[_part_at(places)], [False]])
     first = ends[np.flatnonzero(on[1:] & ~on[:-1])]
     last = ends[np.flatnonzero(on[:-1] & ~on[1:])]
@@ -214,18 +212,18 @@ def _on_line(is_lost: Bools, offset: float, width: float, height: float) -> Floa
 
 
 def _part_at(places: Floats) -> Ints:
-    """The number (n,) of the part of the picture at places (n, 2)."""
+    """Index (n,) of the picture's part at places (n, 2)."""
     column, row = np.clip(places * HATCH.n_grid, 0, HATCH.n_grid - 1).astype(np.int64).T
     return row * HATCH.n_grid + column
 
 
-BESIDE = 1.2  # of half the glass's width: so far beside the middle dimension lines run
-LEAST_TURN = 1e-6  # sine of the angle between two lines that count as one
+BESIDE = 1.2  # distance of dimension lines from the centre, relative to half the glass's width
+LEAST_TURN = 1e-6  # sine of the angle below which two lines count as parallel
 
 
 class Station(NamedTuple):
-    """A part that stands in the light's way: its mesh, and the
-    place (3,), m, from which its distance to others is told.
+    """A part on the light's path, and the place (3,), m, from which distances to it are
+    measured.
     """
 
     kind: Kind
@@ -235,7 +233,7 @@ class Station(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Dimension:
-    """A distance: between two places (3,), m, drawn `beside` (3,) the line between them."""
+    """Distance between two places (3,), m, drawn at an offset `beside` (3,)."""
 
     start: Floats
     end: Floats
@@ -243,17 +241,16 @@ class Dimension:
 
     @property
     def length(self) -> float:
-        """Metres from the one to the other."""
+        """Distance, m."""
         return float(np.linalg.norm(self.end - self.start))
 
 
 def stations_of(rig: Rig, plan: Plan | None, way: LightPath | None) -> list[Station]:
-    """The stations of a rig: the glass that light leaves last, plates and mirrors, the display.
+    """Stations of a rig: the glass that light leaves last, plates and mirrors, the display.
 
-    way : of light that has arrived, best of the picture's middle, by which they and their places
-        are told: half way through the glass, and where light meets the others. Without it the rig
-        is taken to have one glass and one plate; where it has several, none of them stands there.
-        Their places are their middles
+    way : path of arriving light, preferably from the picture's centre. Stations are the parts on
+        it, placed half way through the glass and at the other hits. Without a path, each kind with
+        a single part is a station at its centre
     """
     by_kind = {
         Kind.GLASS: rig.glasses,
@@ -289,20 +286,21 @@ def stations_of(rig: Rig, plan: Plan | None, way: LightPath | None) -> list[Stat
 
 
 def is_placed(mesh: Mesh) -> bool:
-    """Does a mesh stand somewhere?"""
+    """Whether a mesh has a finite place."""
     return len(mesh.triangles) > 0 and bool(np.isfinite(mesh.bounds).all())
 
 
 def _number(plan: Plan, part: int, kind: Kind) -> int:
-    """The number of a plan's part among the rig's parts of its kind."""
+    """Index of a plan's part among the rig's parts of its kind."""
     if kind == Kind.GLASS:
         return int(plan.parts.owner[part])
     return int((plan.parts.kind[:part] == kind).sum())
 
 
 def mirrored(points: Floats, stations: list[Station]) -> Floats | None:
-    """Where points (..., 3) of the display seem to stand, seen by way of all plates and mirrors
-    between; None where one of these is bent, or where there is none.
+    """Apparent places of display points (..., 3), seen by all plates and mirrors between.
+
+    None if there are none, or if one is bent.
     """
     between = [s for s in stations if s.kind in {Kind.PLATE, Kind.MIRROR}]
     if not between or any(not station.mesh.is_flat for station in between):
@@ -318,15 +316,15 @@ def mirrored(points: Floats, stations: list[Station]) -> Floats | None:
 
 
 def dimensions_between(stations: list[Station]) -> tuple[Dimension, ...]:
-    """The distances from station to station, all drawn beside
-    the light's way, as far as clears the glass.
+    """Distances between successive stations, drawn next to the light path and clear of the
+    glass.
     """
     glass = next((s.mesh for s in stations if s.kind == Kind.GLASS), None)
     pairs = list(pairwise(station.place for station in stations))
     if not pairs:
         return ()
 
-    # out of the plane in which the light turns, or else level
+    # Offset perpendicular to the plane in which light turns, otherwise level.
     lines = [end - start for start, end in pairs]
     across = np.cross(lines[0], lines[-1])
     if np.linalg.norm(across) <= LEAST_TURN * np.linalg.norm(lines[0]) * np.linalg.norm(lines[-1]):
@@ -343,22 +341,22 @@ def dimensions_between(stations: list[Station]) -> tuple[Dimension, ...]:
 
 State = Literal["arrives", "lost", "aerial", "picture"]
 
-TAIL = 0.06  # of the rig's size: so far light that leaves to nowhere is drawn
-REACH = 0.5  # of it: so far off the plate or the display may be passed by
-LEAST_LOST = 0.005  # of the picture: a smaller part of it that is lost gets no words
+TAIL = 0.06  # of the rig's size: drawn length of light that leaves the rig
+REACH = 0.5  # of the rig's size: largest distance at which light counts as passing plate or display
+LEAST_LOST = 0.005  # of the picture: a smaller lost part gets no label
 OUT_OF_VIEW = Message("outside the viewer's frame")
 AERIAL = Message("mid-air image of the display")
 
 
 class Line(NamedTuple):
-    """Joined points (k, 3), and the meaning of their colour."""
+    """Polyline through points (k, 3), and the meaning of its colour."""
 
     points: Floats
     state: State
 
 
 class Note(NamedTuple):
-    """Words at a place (3,)."""
+    """Text at a place (3,)."""
 
     place: Floats
     text: str
@@ -367,12 +365,12 @@ class Note(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SketchedLight:
-    """The light of a picture.
+    """Light of a picture.
 
-    ways : of its corners, from the lower left on against the clock, and of its middle, without
-        those that are behind the viewer
-    notes : the reasons why some of it is lost, each at its place
-    hatch : (h, 2, 3) lines on the part of the picture that is lost
+    ways : paths of its corners, counterclockwise from the lower left, and of its centre; points
+        behind the viewer are left out
+    notes : reasons for lost light, each at its place
+    hatch : (h, 2, 3) lines on the lost part of the picture
     """
 
     ways: tuple[LightPath, ...] = ()
@@ -382,9 +380,9 @@ class SketchedLight:
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """All that is drawn of a rig.
+    """Everything drawn of a rig.
 
-    lines : the light's ways, the outlines of picture and aerial plane
+    lines : light paths, outlines of the picture and its mid-air image
     """
 
     light: SketchedLight = field(default_factory=SketchedLight)
@@ -394,7 +392,7 @@ class Sketch:
 
 
 def sketching(rig: Rig, plan: Plan | None) -> Steps[Sketch]:
-    """Sketch a rig, by a few rays where there is a plan of it."""
+    """Sketch a rig, with a few rays if there is a plan."""
     glasses = [glass.mesh.bounds for glass in rig.glasses if is_placed(glass.mesh)]
     middle = np.mean(glasses, axis=(0, 1)) if glasses else np.zeros(3)
     viewer = rig.viewers[0] if rig.viewers else None
@@ -404,7 +402,7 @@ def sketching(rig: Rig, plan: Plan | None) -> Steps[Sketch]:
     if plan is not None and canvas is not None:
         light = yield from _following_picture(plan, canvas)
 
-    # a way that has arrived tells the plates between picture and display; best the middle's
+    # An arriving path, preferably the centre's, shows which plates are between picture and display.
     chief = next((way for way in reversed(light.ways) if way.has_arrived), None)
     stations = stations_of(rig, plan, chief)
     aerial = _aerial_plane(rig, stations)
@@ -427,7 +425,7 @@ def sketching(rig: Rig, plan: Plan | None) -> Steps[Sketch]:
 
 
 def _aerial_plane(rig: Rig, stations: list[Station]) -> Floats:
-    """The edges (e, 2, 3) of the display where it seems to stand, seen by way of the plates."""
+    """Edges (e, 2, 3) of the display at its apparent place, seen by way of the plates."""
     nowhere = np.empty((0, 2, 3))
     if len(rig.displays) != 1 or not is_placed(rig.display.mesh):
         return nowhere
@@ -436,12 +434,12 @@ def _aerial_plane(rig: Rig, stations: list[Station]) -> Floats:
 
 
 def _following_picture(plan: Plan, canvas: Canvas) -> Steps[SketchedLight]:
-    """Follow the light of a picture: of its corners and its middle, and of parts all over it."""
+    """Trace the light of a picture: corners, centre, and parts all over it."""
     extent = [part.mesh.bounds for part in (*plan.rig.glasses, *plan.rig.plates, plan.rig.display)]
     size = float(np.linalg.norm(np.ptp(np.concatenate(extent), axis=0)))
     tails = Tails(tail=TAIL * size, reach=REACH * size)
 
-    # corners and middle
+    # corners and centre
     points, _ = canvas.points(np.concatenate([CORNERS, MIDDLE]))
     origins, directions, aims, is_seen = sight_lines(plan.viewer, points)
     ways = yield from following(plan, origins, directions, aims, tails)
@@ -454,7 +452,7 @@ def _following_picture(plan: Plan, canvas: Canvas) -> Steps[SketchedLight]:
     ]
     notes = [Note(way.points[-1], words, "lost") for way, words in marks if words]
 
-    # the parts that are lost
+    # lost parts
     points, is_on = canvas.points(grid())
     origins, directions, _, is_seen = sight_lines(plan.viewer, points)
     found = yield from tracing(plan, origins, directions)
@@ -470,14 +468,12 @@ def _following_picture(plan: Plan, canvas: Canvas) -> Steps[SketchedLight]:
 
 
 def _up_to(origin: Floats, point: Floats) -> LightPath:
-    """A straight way that is not followed any further."""
+    """A straight path that ends at a point."""
     return LightPath(np.stack([origin, point]), np.full(2, NOTHING), Reason.MISSED_GLASS)
 
 
 def _notes_on_parts(points: Floats, words: Ints, is_lost: Bools, told: set[str]) -> list[Note]:
-    """A note on each reason for which parts of the picture, at points (n, 3), are lost, unless
-    it is told already: at the part nearest to the middle of these.
-    """
+    """A note on each new reason for lost parts at points (n, 3), placed at their centre."""
     notes = []
     for text in sorted(set(words[is_lost]) - told):
         some = points[is_lost & (words == text)]
