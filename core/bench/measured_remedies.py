@@ -97,7 +97,7 @@ WORTH_IT = 1e-3  # fraction of the picture that a remedy has to recover
 REACH = 0.5  # of the picture's longer side: limit of a shift
 # A part that has to grow beyond LARGE times its size must recover MUCH of the light that misses it.
 LARGE, MUCH = 2.0, 0.5
-TOLD = 5e-3  # fraction of the picture above which a remaining loss is reported
+LEAST_REPORTED = 5e-3  # fraction of the picture above which a remaining loss is reported
 SMOOTH_GLASS, MOVE_TO_GLASS = "kiriko.smooth_glass", "kiriko.move_to_glass"
 ITERATIONS = (10, 100)  # of the Smooth modifier
 WORTH_READING = 0.1  # gain of legibility
@@ -133,7 +133,7 @@ class Help:
             "kiriko.fit_picture_size": Message("make the picture {amount} wide", amount=amount),
             "kiriko.best_place": Message("move it"),
         }[self.operator]
-        if self.after >= 1 - TOLD:
+        if self.after >= 1 - LEAST_REPORTED:
             return clause
         return Message("{clause} ({share} arrives)", clause=clause, share=percent(self.after))
 
@@ -239,14 +239,14 @@ def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
 
 
 def legible_by(
-    rig: Rig, settings: Settings, before: float, kept: MeshCache | None = None
+    rig: Rig, settings: Settings, before: float, cache: MeshCache | None = None
 ) -> Generator[float, None, tuple[Help, ...]]:
     """Remedies that raise the first viewer's legibility by WORTH_READING, the best first.
 
     Each is measured on a changed copy of the rig. For several amounts of a remedy, the first one
     that makes the picture readable is used, otherwise the best. Yields progress 0..1.
 
-    kept : cache of prepared glass
+    cache : of prepared glass
     """
     tried = _to_read(rig)
     found: dict[str, Help] = {}
@@ -254,7 +254,7 @@ def legible_by(
         best = found.get(help.operator)
         if best is not None and best.after >= READABLE:
             continue
-        steps = card_legibility(with_help(rig, help), settings, kept)
+        steps = card_legibility(with_help(rig, help), settings, cache)
         after = yield from subprogress(steps, k / len(tried), (k + 1) / len(tried))
         if after >= max(before + WORTH_READING, best.after if best else 0.0):
             found[help.operator] = replace(help, after=after)

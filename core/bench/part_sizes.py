@@ -114,7 +114,7 @@ def fit_display(
     arrived = there.light.has_arrived
     if not arrived.any():
         raise RigError(
-            "No light of the picture comes to the plane of the display '{name}': move or turn it.",
+            "No light of the picture reaches the plane of '{name}': move or turn it.",
             name=rig.display.name,
         )
     return (
@@ -141,15 +141,14 @@ def fit_plate(
     large = sizing.rig_with(most)
 
     # A display that is too small must not limit the plate.
-    screen = _screen_for(rig.display, plate)
+    screen = display_outline(rig.display)
     sizes = max(1.0, _most_display(rig, screen))
     large = _Sizing(large, plan_of, wanted, "displays", 0, screen).rig_with(sizes)
     there = yield from subprogress(traced_by_all(large, plan_of, wanted.n_grid, outline), 0.0, 0.4)
     meets = there.light.has_arrived & np.isfinite(there.light.at_plate[:, 0])
     if not meets.any():
         raise RigError(
-            "No light of the picture comes to the display by way of the plate '{name}': move or"
-            " turn it.",
+            "No light of the picture reaches the plane of '{name}': move or turn it.",
             name=plate.name,
         )
     return (
@@ -157,19 +156,6 @@ def fit_plate(
             outline.across(there.light.at_plate[meets]), there.weight[meets], most
         )
     )
-
-
-def _screen_for(display: Display, plate: Plate) -> Outline:
-    """Outline of the display that receives a plate's light."""
-    try:
-        return display_outline(display)
-    except RigError:
-        raise RigError(
-            "The size of the plate '{plate}' is for you to choose, for the display '{display}' is"
-            " not flat.",
-            plate=plate.name,
-            display=display.name,
-        ) from None
 
 
 def _most_display(rig: Rig, outline: Outline) -> float:
@@ -273,8 +259,7 @@ def plane_of(rig: Rig) -> Plane:
     place = rig.picture_place
     if place.mesh is None:
         raise RigError(
-            "The picture is in the viewer's own pixels and has no size of its own: choose a picture"
-            " plane."
+            "The picture is an image in the viewer's pixels and has no size: use a picture plane."
         )
     if any(mesh_mapping(place.mesh, viewer) is None for viewer in rig.viewers):
         raise not_flat(place)
@@ -323,8 +308,8 @@ def fit_picture(
         size, shift = 1.0, np.zeros(3)  # all of it arrives already, and more room would be wasted
     if size < LEAST_PICTURE:
         raise RigError(
-            "Hardly any of the picture '{name}' gets through about its middle: move it, or turn"
-            " the glass.",
+            "Hardly any of the picture '{name}' gets through the glass: move it, or turn the"
+            " glass.",
             name=rig.picture_place.name,
         )
 

@@ -87,7 +87,7 @@ def outline_of(mesh: Mesh, along: Floats, owner: str) -> Outline:
     across = points @ axes.T
     size = np.ptp(across, axis=0).max()
     if np.ptp(points @ normal) > IS_FLAT * size:
-        raise RigError("{owner} is not flat: its size is for you to choose.", owner=owner)
+        raise RigError("{owner} isn't flat: set the size by hand.", owner=owner)
 
     middle = across.min(axis=0) / 2 + across.max(axis=0) / 2
     vertices = (mesh.vertices - origin) @ axes.T - middle

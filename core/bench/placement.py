@@ -342,8 +342,7 @@ def stand_of(role: str, rig: Rig) -> Stand:
 
 def _too_little() -> RigError:
     return RigError(
-        "Too little is left of the rig to tell where the part stands: press Undo, or remove the rig"
-        " and add it again."
+        "Too few parts are left to place this one: press Undo, or remove the rig and add it again."
     )
 
 

@@ -460,8 +460,8 @@ def _following_picture(plan: Plan, canvas: Canvas) -> Steps[SketchedLight]:
     is_lost = is_on & ~(is_seen & (reason == Reason.ARRIVED))
     words = np.array([REASON_WORDS.get(Reason(int(r)), "") for r in reason], object)
     words[~is_seen] = OUT_OF_VIEW
-    told = {note.text for note in notes}
-    notes += _notes_on_parts(points, words, is_lost, told)
+    noted = {note.text for note in notes}
+    notes += _notes_on_parts(points, words, is_lost, noted)
 
     ends, _ = canvas.points(hatched(is_lost, canvas.size).reshape(-1, 2))
     return SketchedLight(tuple(way for way, _ in marks), tuple(notes), ends.reshape(-1, 2, 3))
@@ -472,10 +472,10 @@ def _up_to(origin: Floats, point: Floats) -> LightPath:
     return LightPath(np.stack([origin, point]), np.full(2, NOTHING), Reason.MISSED_GLASS)
 
 
-def _notes_on_parts(points: Floats, words: Ints, is_lost: Bools, told: set[str]) -> list[Note]:
+def _notes_on_parts(points: Floats, words: Ints, is_lost: Bools, noted: set[str]) -> list[Note]:
     """A note on each new reason for lost parts at points (n, 3), placed at their centre."""
     notes = []
-    for text in sorted(set(words[is_lost]) - told):
+    for text in sorted(set(words[is_lost]) - noted):
         some = points[is_lost & (words == text)]
         if len(some) >= LEAST_LOST * len(points):
             nearest = np.argmin(length_of(some - some.mean(axis=0)))

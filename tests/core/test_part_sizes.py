@@ -177,18 +177,22 @@ def test_what_cannot_be_sized_is_refused_with_a_sentence() -> None:
     bent = rig.display.mesh.vertices.copy()
     bent[0] += 0.01
     display = replace(rig.display, mesh=replace(rig.display.mesh, vertices=bent))
-    with pytest.raises(RigError, match="The display 'Kiriko Display' is not flat"):
+    with pytest.raises(RigError, match="The display 'Kiriko Display' isn't flat"):
         run_steps(fit_display(replace(rig, displays=(display,)), plan_of()))
-    with pytest.raises(RigError, match=r"plate 'Kiriko Plate' is for you .* display 'Kiriko Disp"):
+    with pytest.raises(RigError, match="The display 'Kiriko Display' isn't flat"):
         run_steps(fit_plate(replace(rig, displays=(display,)), plan_of()))
     with pytest.raises(RigError, match="Hardly any of the picture"):
         run_steps(fit_picture(with_display(rig, 1.0, np.array([0.05, 0, 0])), plan_of()))
-    with pytest.raises(RigError, match="No light of the picture comes to the plane"):
+    with pytest.raises(
+        RigError, match="No light of the picture reaches the plane of 'Kiriko Display'"
+    ):
         run_steps(fit_display(with_plate(rig, 1.0, np.array([1.0, 0, 0])), plan_of()))
-    with pytest.raises(RigError, match="No light of the picture comes to the display by way"):
+    with pytest.raises(
+        RigError, match="No light of the picture reaches the plane of 'Kiriko Plate'"
+    ):
         run_steps(fit_plate(with_plate(rig, 0.1, np.array([3.0, 0, 0])), plan_of()))
     own = replace(rig.picture_place, mesh=None)
-    with pytest.raises(RigError, match="viewer's own pixels"):
+    with pytest.raises(RigError, match="viewer's pixels"):
         run_steps(fit_picture(replace(rig, pictures=(own,)), plan_of()))
     fitted = run_steps(fit_display(replace(rig, pictures=(own,)), plan_of()))
     assert fitted.after == 1.0  # the whole of the viewer's image
