@@ -16,7 +16,7 @@ from .quartics import AT, AT_NODES, INWARD, N_NODES, N_ON_EDGES, NODES
 
 
 @dataclass(frozen=True)
-class AgreementKnobs:
+class AgreementOptions:
     """Thresholds of agreement and trust (docs/decisions/04-automatic-surface.md).
 
     agree : rad: a smaller difference of normals moves landings by 1e-3 px at most; on fine regular
@@ -51,7 +51,7 @@ class AgreementKnobs:
     on_smooth: float = 0.4
 
 
-AGREEMENT = AgreementKnobs()
+AGREEMENT = AgreementOptions()
 LEAST_CHANGE = AGREEMENT.agree / 10  # smaller changes on edges leave the nodes inside unchanged
 
 
@@ -106,8 +106,8 @@ class FaceNeighbours:
         return cls(row, triangle, edge, is_drawn)
 
 
-def agreeing(
-    own: Floats, at_corners: Floats, area: Floats, beside: FaceNeighbours
+def agreement_steps(
+    own: Floats, at_corners: Floats, area: Floats, neighbours: FaceNeighbours
 ) -> Steps[Agreed]:
     """Normals shared by neighbours.
 
@@ -124,7 +124,7 @@ def agreeing(
     if loading.library() is not None:
         found = Agreed(np.empty((len(own), N_NODES, 3)), np.empty((len(own), N_ON_EDGES)))
         weights = NODES[:N_ON_EDGES], INWARD
-        across = beside.row, beside.triangle, beside.edge, beside.is_drawn
+        across = neighbours.row, neighbours.triangle, neighbours.edge, neighbours.is_drawn
         for k in range(0, len(own), FACES_AT_ONCE):
             some = slice(k, k + FACES_AT_ONCE)
             native_fit.agree((own, at_corners, area), across, weights, LEAST_CHANGE, some, found)
@@ -145,12 +145,12 @@ def agreeing(
             nodes = slice(3 * edge, 3 * edge + 3)
             mine = own[some, nodes]
             found = agreed[some, nodes]
-            triangle = beside.triangle[some, edge]
-            is_drawn = beside.is_drawn[some, edge]
+            triangle = neighbours.triangle[some, edge]
+            is_drawn = neighbours.is_drawn[some, edge]
 
-            other = beside.row[triangle]
+            other = neighbours.row[triangle]
             # the edge runs the other way there
-            first = other * len(AT) + 3 * beside.edge[some, edge]
+            first = other * len(AT) + 3 * neighbours.edge[some, edge]
             theirs = take(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
 
             # mean, weighted by area squared
@@ -177,18 +177,18 @@ def agreeing(
     return Agreed(agreed, jump)
 
 
-class Trial(NamedTuple):
+class ErrorEstimate(NamedTuple):
     """Error and gain of curved faces (p,) over their facets, rad squared.
 
-    unsure : error of the face's normals, from their jumps
-    gained : error of the facet's normals
-    apart : the same for normals interpolated from the given ones
+    error : error of the face's normals, from their jumps
+    gain : error of the facet's normals
+    drawn_gain : the same for normals interpolated from the given ones
     turn : rad, between the normals at the corners
     """
 
-    unsure: Floats
-    gained: Floats
-    apart: Floats
+    error: Floats
+    gain: Floats
+    drawn_gain: Floats
     turn: Floats
 
     @property
@@ -196,29 +196,29 @@ class Trial(NamedTuple):
         """Faces with so much turn that it may explain their jumps."""
         return AGREEMENT.coarse * self.turn**2 > AGREEMENT.trusted
 
-    def at(self, which: Ints) -> "Trial":
-        return Trial(*(x[which] for x in self))
+    def at(self, which: Ints) -> "ErrorEstimate":
+        return ErrorEstimate(*(x[which] for x in self))
 
-    def on_lines(self, scatter: Floats, phase: Floats) -> "Trial":
+    def on_lines(self, scatter: Floats, phase: Floats) -> "ErrorEstimate":
         """The same for faces with corners off smooth lines by scatter (p, 3), on lines with phase
         (p, 3), rad squared, from vertex to vertex.
         """
         by_turn = AGREEMENT.coarse * self.turn**2
         by_lines = np.minimum(AGREEMENT.coarse * phase.mean(axis=1), AGREEMENT.by_lines)
         part = np.minimum(np.maximum(by_turn, by_lines), 1.0)
-        return self._trusting(scatter, AGREEMENT.scattered, np.maximum(part, AGREEMENT.trusted))
+        return self._limited(scatter, AGREEMENT.scattered, np.maximum(part, AGREEMENT.trusted))
 
-    def on_smooth_lines(self, scatter: Floats) -> "Trial":
+    def on_smooth_lines(self, scatter: Floats) -> "ErrorEstimate":
         """The same for fine faces with corners off smooth lines by scatter (p, 3)."""
         part = np.where(self.turn < AGREEMENT.fine, AGREEMENT.on_smooth, AGREEMENT.trusted)
-        return self._trusting(scatter, AGREEMENT.smooth, part)
+        return self._limited(scatter, AGREEMENT.smooth, part)
 
-    def _trusting(self, scatter: Floats, scattered: float, part: Floats) -> "Trial":
+    def _limited(self, scatter: Floats, scattered: float, part: Floats) -> "ErrorEstimate":
         """The same, with scatter and jumps accepted up to these fractions of the gain."""
         # rescaled so the accepted limit of each equals `trusted`
         by_scatter = (scatter**2).mean(axis=1) * (AGREEMENT.trusted / scattered) ** 2
-        by_jump = self.unsure * (AGREEMENT.trusted / part) ** 2
-        return self._replace(unsure=np.minimum(self.unsure, np.maximum(by_scatter, by_jump)))
+        by_jump = self.error * (AGREEMENT.trusted / part) ** 2
+        return self._replace(error=np.minimum(self.error, np.maximum(by_scatter, by_jump)))
 
     def trusted(self, vertex: Ints) -> Bools:
         """Mask of faces, with vertices (p, 3), closer to the intended surface than their facets.
@@ -227,17 +227,17 @@ class Trial(NamedTuple):
         one vertex and in the face itself. A spoilt face then rejects few others.
         """
 
-        def is_believed(unsure: Floats, gained: Floats) -> Bools:
-            return unsure <= AGREEMENT.trusted**2 * gained + AGREEMENT.agree**2
+        def is_believed(error: Floats, gain: Floats) -> Bools:
+            return error <= AGREEMENT.trusted**2 * gain + AGREEMENT.agree**2
 
-        both = self.unsure, self.gained
+        both = self.error, self.gain
         is_fine = is_believed(*(np.bincount(vertex.ravel(), np.repeat(x, 3)) for x in both))[vertex]
         return is_fine.all(axis=1) | (is_fine.any(axis=1) & is_believed(*both))
 
 
-def on_trial(
+def trial_steps(
     corners: Floats, coefficients: Floats, at_corners: Floats, given: Floats, agreed: Agreed
-) -> Steps[Trial]:
+) -> Steps[ErrorEstimate]:
     """Estimated error and gain of curved faces, from the fit alone.
 
     The jump of normals between neighbours estimates their error. The gain of a face is the angle
@@ -250,7 +250,7 @@ def on_trial(
         given : (p, 3, 3) those of the facets
     agreed : normals shared by neighbours
     """
-    gained, apart, turn = np.empty((3, len(corners)))
+    gain, drawn_gain, turn = np.empty((3, len(corners)))
     for k in range(0, len(corners), FACES_AT_ONCE):
         some = slice(k, k + FACES_AT_ONCE)
         ends = corners[some], at_corners[some]
@@ -264,8 +264,8 @@ def on_trial(
         height = length_of(np.matmul(AT_NODES, coefficients[some])).max(axis=1)
         along, turn[some] = (length_of(np.roll(x, -1, axis=1) - x).max(axis=1) for x in ends)
         by_height = height * turn[some] / along
-        gained[some] = (np.sqrt(turned) + by_height) ** 2
-        apart[some] = turned_as_drawn + by_height**2
+        gain[some] = (np.sqrt(turned) + by_height) ** 2
+        drawn_gain[some] = turned_as_drawn + by_height**2
         yield 0
 
-    return Trial((agreed.jump**2).mean(axis=1), gained, apart, turn)
+    return ErrorEstimate((agreed.jump**2).mean(axis=1), gain, drawn_gain, turn)

@@ -20,7 +20,7 @@ from .quartics import N_TERMS, monomials
 
 
 @dataclass(frozen=True)
-class HullKnobs:
+class ShellOptions:
     """Fineness of the shell, tuned for time: a finer one costs the engine more than it saves.
 
     angle : rad: largest turn of the shell from one part to the next
@@ -37,9 +37,9 @@ class HullKnobs:
     halvings_at_edges: int = 2
 
 
-HULL = HullKnobs()
+SHELL = ShellOptions()
 PARTS_AT_ONCE = 1 << 14  # between two pauses
-UNITS = 2**HULL.halvings  # length of an edge, in units of places
+UNITS = 2**SHELL.halvings  # length of an edge, in units of places
 
 CORNERS = UNITS * np.array([[0, 0], [1, 0], [0, 1]])  # places of a face's corners
 
@@ -82,7 +82,7 @@ def _turn(middles: Floats, chords: Floats, heights: Floats) -> Floats:
     middles (..., 3): offset of the parabola's middle from the chord's; heights (...): its part
     across the chord
     """
-    off = np.maximum(heights, HULL.uneven * length_of(middles))
+    off = np.maximum(heights, SHELL.uneven * length_of(middles))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num(8 * off / length_of(chords))
 
@@ -142,7 +142,7 @@ def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
     # filled portion by portion: many faces at once would take most of a second
     n = sum(len(face) for face, _, _ in portions)
     made = np.empty((n, 3, 3)), np.empty(n, np.int64), np.empty((n, 3, 2), np.float32)
-    hull = BoundingShell(*made)
+    shell = BoundingShell(*made)
     last = 0
     for face, places, points in portions:
         vertex = faces.vertex[face]
@@ -154,10 +154,10 @@ def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
         else:
             raised[is_held[vertex]] = 0.0
         some = slice(last, last := last + len(face))
-        hull.corners[some] = points + raised
-        hull.triangle[some], hull.places[some] = faces.triangle[face], places / UNITS
+        shell.corners[some] = points + raised
+        shell.triangle[some], shell.places[some] = faces.triangle[face], places / UNITS
         yield 0
-    return hull
+    return shell
 
 
 def _count_halvings(faces: CurvedFaces, turns: Floats, at_edge: Bools) -> Ints:
@@ -165,12 +165,12 @@ def _count_halvings(faces: CurvedFaces, turns: Floats, at_edge: Bools) -> Ints:
 
     at_edge (p,): the face touches a straight edge
     """
-    n = np.ceil(np.log2(np.maximum(turns / HULL.angle, 1))).astype(int)
-    n[at_edge] = np.maximum(n[at_edge], HULL.halvings_at_edges)
+    n = np.ceil(np.log2(np.maximum(turns / SHELL.angle, 1))).astype(int)
+    n[at_edge] = np.maximum(n[at_edge], SHELL.halvings_at_edges)
     row, edge = np.nonzero(faces.neighbour >= 0)
-    beside = faces.row[faces.neighbour[row, edge]], faces.neighbour_edge[row, edge]
-    n[row, edge] = np.maximum(n[row, edge], n[beside])
-    return np.minimum(n, HULL.halvings)
+    across = faces.row[faces.neighbour[row, edge]], faces.neighbour_edge[row, edge]
+    n[row, edge] = np.maximum(n[row, edge], n[across])
+    return np.minimum(n, SHELL.halvings)
 
 
 def _portions(halvings: Ints) -> list[slice]:
@@ -194,13 +194,13 @@ def _cut(faces: CurvedFaces, some: Ints, halvings: Ints, at_edge: Bools) -> tupl
     places = np.broadcast_to(CORNERS, (n_faces, 3, 2))
     edges = np.broadcast_to(np.arange(3), (n_faces, 3))  # of the face, -1 for an edge inside it
     done = []
-    for halved in range(HULL.halvings):
-        ways = np.roll(places, -1, axis=1) - places
+    for halved in range(SHELL.halvings):
+        vectors = np.roll(places, -1, axis=1) - places
         is_cut = halvings[face[:, None], edges] > halved
         inside, e = np.nonzero(edges < 0)
         if len(inside):
             across = face[inside]
-            du, dv = ways[inside, e].T[..., None]
+            du, dv = vectors[inside, e].T[..., None]
             side_u, side_v = sides[across].swapaxes(0, 1)
             a, b = places[inside, e], places[inside, (e + 1) % 3]
             u, v = np.stack([2 * a, a + b, 2 * b], axis=1).transpose(2, 0, 1)
@@ -208,8 +208,8 @@ def _cut(faces: CurvedFaces, some: Ints, halvings: Ints, at_edge: Bools) -> tupl
             middles = at[:, 1] - (at[:, 0] + at[:, 2]) / 2
             chords = side_u * du + side_v * dv
             turns = _turn(middles, chords, _heights(middles, chords))
-            is_cut[inside, e] = turns > HULL.angle
-            is_cut[inside, e] |= at_edge[across] & (halved < HULL.halvings_at_edges)
+            is_cut[inside, e] = turns > SHELL.angle
+            is_cut[inside, e] |= at_edge[across] & (halved < SHELL.halvings_at_edges)
 
         n_cut = is_cut.sum(axis=1)
         done.append((face[n_cut == 0], places[n_cut == 0]))

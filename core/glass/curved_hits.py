@@ -21,7 +21,7 @@ from .quartics import TO_BEZIER, cross, product, tangents, value_and_slopes
 
 
 @dataclass(frozen=True)
-class RootKnobs:
+class RootOptions:
     """Options of the root search; the kernel's curved.c has the same numbers.
 
     Tuned on grazing rays and short chords (tests/core/test_curved.py, "Silhouettes"), and for time.
@@ -32,7 +32,7 @@ class RootKnobs:
     patience, hopeless : after so many steps a ray is given up if its step in u, v is larger
     converged : step in u, v at the end: the remaining error is below the step's square
     longest_step : in u, v
-    aside : in u, v: a root further than this beyond an edge is searched on the next face
+    overshoot : in u, v: a root further than this beyond an edge is searched on the next face
     walks : most faces a search may visit
     last_walks : the same if all faces near the ray are tested anyway
     corner_turns : most faces around a corner of a face, in each direction, searched for another
@@ -48,7 +48,7 @@ class RootKnobs:
     hopeless: float = 0.05
     converged: float = 3e-6
     longest_step: float = 0.5
-    aside: float = 0.6
+    overshoot: float = 0.6
     walks: int = 8
     last_walks: int = 2
     corner_turns: int = 32
@@ -58,7 +58,7 @@ class RootKnobs:
     course_step: float = 1e-3
 
 
-ROOTS = RootKnobs()
+ROOTS = RootOptions()
 
 
 class RayLines(NamedTuple):
@@ -125,19 +125,19 @@ def follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Roo
 def _follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Roots:
     # singular near a turning point: not converged, a miss
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        way = _Way(faces, spots, lines)
-        live = np.arange(len(way.k))
-        goes_on = _goes_on(way.u, way.v, way.size, way.n_steps)
+        search = _NewtonSearch(faces, spots, lines)
+        live = np.arange(len(search.k))
+        is_active = _is_active(search.u, search.v, search.size, search.n_steps)
         while True:
-            through = live[~goes_on]
-            if len(through):
-                live = np.concatenate([live[goes_on], way.step_over(through, walks)])
+            done = live[~is_active]
+            if len(done):
+                live = np.concatenate([live[is_active], search.step_over(done, walks)])
             if not len(live):
-                return way.roots()
-            goes_on = way.step(live)
+                return search.roots()
+            is_active = search.step(live)
 
 
-class _Way:
+class _NewtonSearch:
     """Newton's method on the part of point(u, v) - origin across rays, face by face.
 
     Rays step together, although one may be on its third face and another on its first: a step of
@@ -169,7 +169,7 @@ class _Way:
         )
         n_steps = self.n_steps[some] + 1
         self.u[some], self.v[some], self.size[some], self.n_steps[some] = u, v, size, n_steps
-        return _goes_on(u, v, size, n_steps)
+        return _is_active(u, v, size, n_steps)
 
     def step_over(self, some: Ints, walks: int) -> Ints:
         """Move rays to the next face if their root is beyond an edge, or the search is far beyond
@@ -179,7 +179,7 @@ class _Way:
         """
         u, v = self.u[some], self.v[some]
         outside = _outside(u, v)
-        far = np.flatnonzero((self.size[some] < ROOTS.converged) | (outside <= -ROOTS.aside))
+        far = np.flatnonzero((self.size[some] < ROOTS.converged) | (outside <= -ROOTS.overshoot))
         row = self.faces.row[self.k[some[far]]]
         is_beyond = ~(outside[far] >= -self.faces.slack(row))
         is_beyond &= self.n_faces[some[far]] < walks
@@ -267,11 +267,11 @@ def _step(
     )
 
 
-def _goes_on(u: Floats, v: Floats, size: Floats, n_steps: Ints) -> Bools:
+def _is_active(u: Floats, v: Floats, size: Floats, n_steps: Ints) -> Bools:
     """Mask of roots (n,) to follow further on their faces, now at u, v after n_steps, the last of
     some size.
     """
-    is_near = np.minimum(np.minimum(u, v), 1.0 - u - v) > -ROOTS.aside
+    is_near = np.minimum(np.minimum(u, v), 1.0 - u - v) > -ROOTS.overshoot
     is_hopeful = (n_steps <= ROOTS.patience) | (size < ROOTS.hopeless)
     is_open = ~(size < ROOTS.converged) & is_near & is_hopeful & (n_steps < ROOTS.iterations)
     return is_open | (n_steps < 2)
@@ -437,23 +437,23 @@ def _faces_around(faces: CurvedFaces, triangles: Ints) -> Ints:
     first = np.tile(triangles, 3)
     corner = np.repeat(np.arange(3), n)
     is_open = np.ones(3 * n, bool)  # not yet once around
-    ways = []
-    for way in (1, 0):
+    sides = []
+    for side in (1, 0):
         k, at = np.where(is_open, first, -1), corner  # number of the corner in face k
         turns = [np.full(3 * n, -1)]
         for _ in range(ROOTS.corner_turns):
-            row, edge = faces.row[k], (at + 2 + way) % 3
-            beside = np.where(k >= 0, faces.neighbour[row, edge], -1)
-            is_open &= beside != first
-            at = (faces.neighbour_edge[row, edge] + way) % 3
-            k = np.where(is_open, beside, -1)
+            row, edge = faces.row[k], (at + 2 + side) % 3
+            across = np.where(k >= 0, faces.neighbour[row, edge], -1)
+            is_open &= across != first
+            at = (faces.neighbour_edge[row, edge] + side) % 3
+            k = np.where(is_open, across, -1)
             if (k < 0).all():
                 break
             turns.append(k)
-        ways.append(np.stack(turns, axis=1).reshape(3, n, -1))
+        sides.append(np.stack(turns, axis=1).reshape(3, n, -1))
 
     # corner by corner, first in one direction, then in the other
-    around = np.concatenate(ways, axis=2).transpose(1, 0, 2).reshape(n, -1)
+    around = np.concatenate(sides, axis=2).transpose(1, 0, 2).reshape(n, -1)
     return np.concatenate([triangles[:, None], around], axis=1)
 
 
@@ -486,7 +486,7 @@ def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:
 
         # twice the step to the place where the face is seen edge-on
         step = ROOTS.course_step
-        way = -2 * here * step / (facing(u + step * a, v + step * b)[0] - here)
+        length = -2 * here * step / (facing(u + step * a, v + step * b)[0] - here)
 
-    way = np.clip(np.nan_to_num(way), -1.0, 1.0)
-    return Spots(k, u + way * np.nan_to_num(a), v + way * np.nan_to_num(b))
+    length = np.clip(np.nan_to_num(length), -1.0, 1.0)
+    return Spots(k, u + length * np.nan_to_num(a), v + length * np.nan_to_num(b))

@@ -67,7 +67,7 @@ class Fields:
     coefficients: Floats
     is_rim: Bools
 
-    def fit_of(self, v: Vertices) -> native_fit.Fit:
+    def kernel_fit(self, v: Vertices) -> native_fit.Fit:
         """The kernel's fit at these vertices."""
         return native_fit.Fit(v, (self.axis_x, self.axis_y), self.size, self.is_rim)
 
@@ -144,14 +144,14 @@ def system(
     return rows, weights, matrix, z
 
 
-def fitting_fields(v: Vertices, wanted: Bools) -> Steps[Fields]:
+def field_steps(v: Vertices, wanted: Bools) -> Steps[Fields]:
     """Fields exact in place and slope at the vertex, fitted to its neighbours by least squares;
     with pauses.
     """
     fields = tangent_planes(v)
     yield 0
     if loading.library() is not None:
-        fit = fields.fit_of(v)
+        fit = fields.kernel_fit(v)
         for first in range(0, len(wanted), VERTICES_AT_ONCE):
             some = np.zeros(len(wanted), bool)
             some[first : first + VERTICES_AT_ONCE] = wanted[first : first + VERTICES_AT_ONCE]
@@ -170,7 +170,7 @@ def fitting_fields(v: Vertices, wanted: Bools) -> Steps[Fields]:
 
 
 @dataclass(frozen=True)
-class FaceKnobs:
+class FaceOptions:
     """Limits of fitted faces against their mesh (docs/decisions/02-curved-faces.md).
 
     Tuned by `dev.py irregular` on decimated and bevelled meshes, whose long sides next to a bevel
@@ -183,16 +183,16 @@ class FaceKnobs:
     least_cosine : between the normals of a curved face and its facet's: 60 degrees
     swollen : multiple of the sag of an arc with the turn of the normals: a face beyond it follows a
         bevel next to it
-    untold : fraction of an edge: additional bulge allowed if the face's edges turn one way and back
+    extra_bulge : fraction of an edge: bulge allowed besides, for edges that turn both ways
     """
 
     steps: int = 2
     least_cosine: float = np.cos(np.radians(60))
     swollen: float = 3.0
-    untold: float = 0.01
+    extra_bulge: float = 0.01
 
 
-FACE = FaceKnobs()
+FACE = FaceOptions()
 
 
 def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
@@ -204,7 +204,7 @@ def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
     """
     weight = NODES**2 / (NODES**2).sum(axis=1, keepdims=True)
     if loading.library() is not None:
-        return fields.fit_of(v).find_offsets(fields.coefficients, NODES, weight, corner)
+        return fields.kernel_fit(v).find_offsets(fields.coefficients, NODES, weight, corner)
 
     # corner by corner: the field around each, in its own frame
     offsets = np.zeros((N_NODES, 3, len(corner)))
@@ -278,11 +278,11 @@ def _is_swollen(offsets: Floats, corners: Floats, at_corners: Floats) -> Bools:
     turned, along = (np.roll(x, -1, axis=1) - x for x in (at_corners, corners))
     sag = dot(turned, along) / 8  # of arcs over the edges
     height = np.einsum("kcn,nc->kn", offsets, normalise(at_corners.sum(axis=1)))
-    more = FACE.untold * length_of(along).max(axis=1)
+    more = FACE.extra_bulge * length_of(along).max(axis=1)
     with np.errstate(invalid="ignore"):
-        stands_out = height.max(axis=0) > FACE.swollen * np.maximum(sag.max(axis=1), 0) + more
-        stands_in = height.min(axis=0) < FACE.swollen * np.minimum(sag.min(axis=1), 0) - more
-    return stands_out | stands_in
+        bulges_out = height.max(axis=0) > FACE.swollen * np.maximum(sag.max(axis=1), 0) + more
+        bulges_in = height.min(axis=0) < FACE.swollen * np.minimum(sag.min(axis=1), 0) - more
+    return bulges_out | bulges_in
 
 
 def _make_faces(
@@ -296,8 +296,8 @@ def _make_faces(
     node offsets (12, 3, n).
     """
     if loading.library() is not None:
-        knobs = np.array([MOST_OFFSET, FACE.least_cosine, FACE.swollen, FACE.untold])
-        native_fit.make_faces(offsets, (corners, at_corners, facets), _OF_OFFSETS, knobs, into)
+        limits = np.array([MOST_OFFSET, FACE.least_cosine, FACE.swollen, FACE.extra_bulge])
+        native_fit.make_faces(offsets, (corners, at_corners, facets), _OF_OFFSETS, limits, into)
         return
 
     coefficients, own, is_whole, is_swollen = into
@@ -319,7 +319,7 @@ class Faces:
     chosen: Ints
     coefficients: Floats
     own: Floats
-    meant: Floats
+    intended: Floats
     is_swollen: Bools
 
     def at(self, which: Bools) -> "Faces":
@@ -328,7 +328,7 @@ class Faces:
             self.chosen[which],
             self.coefficients[which],
             own,
-            own if self.meant is self.own else self.meant[which],
+            own if self.intended is self.own else self.intended[which],
             self.is_swollen[which],
         )
 
@@ -339,12 +339,12 @@ def fit_faces(
     corners: Floats,
     facets: Floats,
     chosen: Ints,
-    known: ExactLimit | None,
+    limit: ExactLimit | None,
 ) -> Steps[tuple[Faces, Bools]]:
     """Faces over chosen triangles (n,), and a mask of faces near their facets."""
     coefficients = np.empty((len(chosen), N_TERMS, 3))
     own = np.empty((len(chosen), len(AT), 3))
-    meant = own if known is None else np.empty_like(own)
+    intended = own if limit is None else np.empty_like(own)
     is_whole, is_swollen = np.empty((2, len(chosen)), bool)
 
     for k in range(0, len(chosen), FACES_AT_ONCE):
@@ -352,34 +352,34 @@ def fit_faces(
         at = take(corners, chosen[some])
         of_corner = v.of_corner[chosen[some]]
 
-        if known is None:
+        if limit is None:
             offsets = _node_offsets(v, fields, of_corner)
         else:
-            is_known = known.is_face[chosen[some]]
-            which = np.flatnonzero(is_known)
-            places, normals = known.faces(chosen[some][which])
+            is_exact = limit.is_face[chosen[some]]
+            which = np.flatnonzero(is_exact)
+            places, normals = limit.faces(chosen[some][which])
             offsets = np.empty((N_NODES, 3, len(at)))
             away = places[:, :N_NODES] - np.matmul(NODES, at[which])
             offsets[..., which] = away.transpose(1, 2, 0)
             if len(which) < len(at):
-                offsets[..., ~is_known] = _node_offsets(v, fields, of_corner[~is_known])
+                offsets[..., ~is_exact] = _node_offsets(v, fields, of_corner[~is_exact])
 
         over = at, take(v.normal, of_corner), take(facets, chosen[some])
         into = coefficients[some], own[some], is_whole[some], is_swollen[some]
         _make_faces(offsets, *over, into)
 
-        if known is not None:
-            meant[some] = own[some]
-            meant[k + which] = normals
+        if limit is not None:
+            intended[some] = own[some]
+            intended[k + which] = normals
             is_swollen[k + which] = False
 
         yield 0
 
-    return Faces(chosen, coefficients, own, meant, is_swollen), is_whole
+    return Faces(chosen, coefficients, own, intended, is_swollen), is_whole
 
 
 def match_edges(
-    faces: Faces, known: ExactLimit, edges: Edges, corners: Floats, facets: Floats
+    faces: Faces, limit: ExactLimit, edges: Edges, corners: Floats, facets: Floats
 ) -> Bools:
     """Copy places on edges to faces (n,) from neighbours of higher rank.
 
@@ -388,7 +388,7 @@ def match_edges(
     """
     row = np.full(len(corners), -1)
     row[faces.chosen] = np.arange(len(faces.chosen))
-    rank = known.rank[faces.chosen]
+    rank = limit.rank[faces.chosen]
     f, s = row[edges.first], row[edges.second]
     is_between = (f >= 0) & (s >= 0)
     is_between[is_between] = rank[f[is_between]] != rank[s[is_between]]
@@ -411,7 +411,7 @@ def match_edges(
     own = _normals_at_nodes(np.ascontiguousarray(offsets.transpose(1, 2, 0)), at)
     is_own = rank[which] == 0
     faces.own[which] = own
-    faces.meant[which[is_own]] = own[is_own]
+    faces.intended[which[is_own]] = own[is_own]
     is_whole = np.ones(len(faces.chosen), bool)
     is_whole[which] = _is_whole(
         offsets.transpose(1, 2, 0), at, own, take(facets, faces.chosen[which])

@@ -18,7 +18,7 @@ from .vertices import Vertices
 
 
 @dataclass(frozen=True)
-class LineKnobs:
+class LineOptions:
     """Edges that form a line (docs/decisions/04-automatic-surface.md).
 
     Tuned by `dev.py irregular` on ellipsoids, tori and waves of 8 to 24 faces around, and on
@@ -47,7 +47,7 @@ class LineKnobs:
     straight: float = 1e-3
 
 
-LINES = LineKnobs()
+LINES = LineOptions()
 
 # combines three fourth differences of seven vertices into the sixth, which is 0 on a smooth line
 SMOOTH = ((1, -2, 1),)
@@ -66,7 +66,7 @@ class Lines(NamedTuple):
     phase: Floats
 
 
-def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
+def line_steps(v: Vertices, size: Floats) -> Steps[Lines]:
     """Smoothness and coarseness of the lines through vertices of sizes (f,), m.
 
     The scatter is the highest difference along the line (rms 1 for vertices off by 1 at random).
@@ -115,8 +115,8 @@ def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
     yield 0
 
     # near a rim a line does not fit on one side: the value of the other side counts for both
-    has_room = is_line | (across < 0)
-    off, phase = (np.where(has_room, x, x[across]) for x in (off, phase))
+    fits = is_line | (across < 0)
+    off, phase = (np.where(fits, x, x[across]) for x in (off, phase))
     yield 0
 
     scatter = np.full(len(v.at), np.inf)
@@ -197,8 +197,8 @@ def _find_spokes(out: Floats, normal: Floats, pairs: Ints) -> Ints:
     out (n, m, 3): the edges, in the planes of normals (n, 3)
     """
     first = out[:, :1]
-    aside = np.cross(normal[:, None], first)
-    order = np.argsort(np.arctan2(dot(out, aside), dot(out, first)), axis=1)
+    across = np.cross(normal[:, None], first)
+    order = np.argsort(np.arctan2(dot(out, across), dot(out, first)), axis=1)
     out = np.take_along_axis(out, order[..., None], axis=1)
     half = out.shape[1] // 2
     one, other = (np.roll(out, -k, axis=1) for k in (half, half + 1))

@@ -80,8 +80,8 @@ def _angles(low: Floats, high: Floats, apex: Floats) -> Floats:
     along = high - low
     across = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
     with np.errstate(invalid="ignore"):  # an edge of length 0 has no order around it
-        beside = np.cross(along, across) / np.linalg.norm(along, axis=1, keepdims=True)
-    return np.arctan2(dot(apex - low, beside), dot(apex - low, across))
+        third_axis = np.cross(along, across) / np.linalg.norm(along, axis=1, keepdims=True)
+    return np.arctan2(dot(apex - low, third_axis), dot(apex - low, across))
 
 
 def _are_hollow(front: Ints, back: Ints, is_outer: Bools) -> Bools:
@@ -103,8 +103,8 @@ def without_inner(mesh: Mesh) -> Mesh:
     body = find_bodies(mesh.vertices, mesh.triangles)
     if not body.any():
         return mesh
-    kept = body >= 0
-    pairs = np.stack([mesh.triangles[kept].ravel(), np.repeat(body[kept], 3)], axis=1)
+    is_surface = body >= 0
+    pairs = np.stack([mesh.triangles[is_surface].ravel(), np.repeat(body[is_surface], 3)], axis=1)
     found, index = np.unique(pairs, axis=0, return_inverse=True)
     of_triangles = ("corner_normals", "is_smooth", "uv", "polygon")
     columns = {name: getattr(mesh, name) for name in of_triangles}
@@ -112,5 +112,5 @@ def without_inner(mesh: Mesh) -> Mesh:
         mesh,
         vertices=mesh.vertices[found[:, 0]],
         triangles=index.reshape(-1, 3),
-        **{name: None if one is None else one[kept] for name, one in columns.items()},
+        **{name: None if one is None else one[is_surface] for name, one in columns.items()},
     )

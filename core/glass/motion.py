@@ -13,7 +13,7 @@ FITTED = 64  # vertices used to find a motion; all others must follow it
 # relative loss in products of doubles
 PRODUCT_ROUNDING = 1e-13
 # largest difference of rotated normals, per component
-TURNED_NORMAL = 1e-6
+NORMAL_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +99,8 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
         return None
 
     if after.corner_normals is not None:
-        turned = motion.directions(before.corner_normals)
-        if not np.abs(turned - after.corner_normals).max() < TURNED_NORMAL:
+        rotated = motion.directions(before.corner_normals)
+        if not np.abs(rotated - after.corner_normals).max() < NORMAL_TOLERANCE:
             return None
 
     return motion

@@ -55,7 +55,7 @@ class Fit:
         self._want(wanted, ridge)
         loaded().kiriko_fit_fields(self._address, coefficients.ctypes.data, n_threads())
 
-    def settling_normals(
+    def settle_normal_steps(
         self, wanted: Bools, ridge: Floats, normals: Floats, n_sweeps: int, settled: float
     ) -> Steps[Floats]:
         """Make the wanted (f,) of normals (f, 3) agree with their neighbours', with pauses, in
@@ -110,7 +110,7 @@ def make_faces(
     offsets: Floats,
     over: Sequence[Floats],
     matrices: Floats,
-    knobs: Floats,
+    limits: Floats,
     into: Sequence[Floats | Bools],
 ) -> None:
     """Write the results of `fitted_faces.fit_faces` for n faces, from the offsets (12, 3, n) of
@@ -118,12 +118,12 @@ def make_faces(
 
     over : the facets' corners (n, 3, 3), normals (n, 3, 3) there, and their own (n, 3)
     matrices : (44, 12) from offsets to slopes at nodes and corners by u, by v, and to terms
-    knobs : (4,) MOST_OFFSET, and of FACE least_cosine, swollen and untold
+    limits : (4,) MOST_OFFSET, and of FACE least_cosine, swollen and extra_bulge
     into : coefficients (n, 14, 3), normals (n, 15, 3) at nodes and corners, is_whole (n,) and
         is_swollen (n,); each contiguous
     """
     n = offsets.shape[2]
-    given = [np.ascontiguousarray(a, float) for a in (offsets, *over, matrices, knobs)]
+    given = [np.ascontiguousarray(a, float) for a in (offsets, *over, matrices, limits)]
     addresses = (array.ctypes.data for array in given)
     results = (array.ctypes.data for array in into)
     loaded().kiriko_make_faces(*addresses, n, *results, n_threads())
@@ -138,7 +138,7 @@ def agree(
     into: Sequence[Floats],
 ) -> None:
     """Write the agreed normals (p, 12, 3) of some of p faces, and their jumps (p, 9), as
-    `agreement.agreeing`.
+    `agreement.agreement_steps`.
 
     faces : their normals (p, 15, 3), normals of their vertices (p, 3, 3), and areas (p,)
     neighbours : row (t,), triangle (p, 3), edge (p, 3) and is_drawn (p, 3) of

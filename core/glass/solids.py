@@ -48,7 +48,9 @@ def holds(outer: Floats, inner: Floats) -> bool:
 
     # its outermost points, moved slightly inward
     at = inner.reshape(-1, 3)
-    found = at[[find(dot(at, way)) for way in OUTWARD for find in (np.argmin, np.argmax)]]
+    found = at[
+        [find(dot(at, direction)) for direction in OUTWARD for find in (np.argmin, np.argmax)]
+    ]
     return bool(contains(outer, found + OUTSTANDING * (middle - found)).all())
 
 
@@ -68,8 +70,8 @@ def split_shells(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
     is_flipped = np.zeros(n, bool)
 
     if edges.is_same_way.any():
-        as_drawn, turned = _joined_ways(edges, n)
-        is_flipped = as_drawn >= turned
+        as_drawn, flipped = _joined_orientations(edges, n)
+        is_flipped = as_drawn >= flipped
 
     label = components(n, edges.first, edges.second)
     order = stable_argsort(label)
@@ -77,7 +79,7 @@ def split_shells(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
     return [(drawn[chosen], is_flipped[chosen]) for chosen in np.split(order, cuts)], edges
 
 
-def _joined_ways(edges: Edges, n: int) -> tuple[Ints, Ints]:
+def _joined_orientations(edges: Edges, n: int) -> tuple[Ints, Ints]:
     """Components of a graph with two nodes a triangle, as drawn (n,) and flipped (n,). Each node is
     joined with the nodes of neighbours facing the same way; returns the lowest node of its
     component.
@@ -97,11 +99,11 @@ def turned_beside(triangles: Ints) -> Bools:
     edges = find_edges(triangles)
     if not edges.is_same_way.any():
         return np.zeros(n, bool)
-    as_drawn, turned = _joined_ways(edges, n)
-    shell = np.minimum(as_drawn, turned)
-    is_other = as_drawn > turned
+    as_drawn, flipped = _joined_orientations(edges, n)
+    shell = np.minimum(as_drawn, flipped)
+    is_other = as_drawn > flipped
     are_most = np.bincount(shell, np.where(is_other, 1, -1), n) > 0
-    return (is_other ^ are_most[shell]) & (as_drawn != turned)
+    return (is_other ^ are_most[shell]) & (as_drawn != flipped)
 
 
 def solids_from_mesh(mesh: Mesh) -> list[Surface]:
@@ -160,8 +162,8 @@ def solid_steps(mesh: Mesh) -> Steps[list[Surface]]:
     solids = []
     for outer, group in members.items():
         chosen = np.concatenate([shells[i][0] for i in group])
-        turned = np.concatenate([shells[i][1] ^ (i != outer) for i in group])
+        flipped = np.concatenate([shells[i][1] ^ (i != outer) for i in group])
         edges = edges_of[outer] if len(group) == 1 else None
-        solids.append((yield from surface_steps(mesh, chosen, turned, edges)))
+        solids.append((yield from surface_steps(mesh, chosen, flipped, edges)))
 
     return solids

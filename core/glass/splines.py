@@ -27,10 +27,10 @@ class QuadLines:
     """Lines (n,), one for each pair of neighbours whose first vertex has four quads.
 
     pair : of vertices, the first two of the line
-    beside : line from the same vertex, a quarter turn counter-clockwise
+    left : line from the same vertex, a quarter turn counter-clockwise
     back : line from the same vertex in the opposite direction
-    on : line from the next vertex, in the same direction
-    turned : line from the next vertex, back to this one
+    ahead : line from the next vertex, in the same direction
+    reverse : line from the next vertex, back to this one
     face : (t,) line along which a triangle that is half a quad begins, at the corner off the
         diagonal
     corner : (t,) corner off the diagonal
@@ -40,10 +40,10 @@ class QuadLines:
     """
 
     pair: Ints
-    beside: Ints
+    left: Ints
     back: Ints
-    on: Ints
-    turned: Ints
+    ahead: Ints
+    reverse: Ints
     face: Ints
     corner: Ints
     is_half: Bools
@@ -81,10 +81,10 @@ def find_quad_lines(v: Vertices, edges: Edges, polygon: Ints) -> QuadLines:
     apex, ahead = (v.of_corner[np.arange(len(corner)), (corner + k) % 3] for k in (0, 1))
     return QuadLines(
         pair=pair,
-        beside=line[follows[pair]],
+        left=line[follows[pair]],
         back=line[across[pair]],
-        on=line[np.where(line[back] < 0, -1, across[back])],
-        turned=line[back],
+        ahead=line[np.where(line[back] < 0, -1, across[back])],
+        reverse=line[back],
         face=np.where(is_half, line[find(apex, ahead)], -1),
         corner=corner,
         is_half=is_half,
@@ -108,8 +108,8 @@ def _halves(edges: Edges, polygon: Ints) -> tuple[Bools, Bools]:
 ROUNDING = 3e-5
 # smallest share of places on splines with others next to them that are off by CLEARLY times more:
 # 0.07 and more on subdivided meshes, 0.013 and less on balls of fine quads
-TOLD = 0.03
-CLEARLY = 10.0
+EVIDENT_SHARE = 0.03
+CLEAR_RATIO = 10.0
 
 # fourth differences (3,) of seven places, and their sum for `off_lines`
 FOURTHS = np.array([np.roll([1.0, -4.0, 6.0, -4.0, 1.0, 0.0, 0.0], k) for k in range(3)])
@@ -185,11 +185,11 @@ def _quad(lines: QuadLines, first: Ints) -> tuple[Ints, Ints, Ints, Ints]:
     def step(of: Ints, which: Ints) -> Ints:
         return np.append(of, -1)[which]
 
-    second = step(lines.turned, first)
+    second = step(lines.reverse, first)
     for _ in range(3):
-        second = step(lines.beside, second)
-    fourth = step(lines.turned, step(lines.beside, first))
-    third = step(lines.turned, step(lines.beside, fourth))
+        second = step(lines.left, second)
+    fourth = step(lines.reverse, step(lines.left, first))
+    third = step(lines.reverse, step(lines.left, fourth))
     return first, second, third, fourth
 
 
@@ -197,18 +197,18 @@ def _at_corners(s: Splines, triangles: Ints) -> Floats:
     """Places and derivatives (n, 16, 3) at the corners of quads, in the order of the weights."""
     data = np.empty((len(triangles), 4, 4, 3))
     for k, line in enumerate(_quad(s.lines, s.lines.face[triangles])):
-        beside = s.along[s.lines.beside[line]]
+        left = s.along[s.lines.left[line]]
         along = s.along[line]
         u, v = (0, 1, 1, 0)[k], (0, 0, 1, 1)[k]
         data[:, u, v] = s.at[line]
-        data[:, 2 + u, v] = (along, -beside, -along, beside)[k]
-        data[:, u, 2 + v] = (beside, along, -beside, -along)[k]
+        data[:, 2 + u, v] = (along, -left, -along, left)[k]
+        data[:, u, 2 + v] = (left, along, -left, -along)[k]
         data[:, 2 + u, 2 + v] = (s.mixed[line], -s.mixed[line])[k % 2]
 
     return data.reshape(-1, 16, 3)
 
 
-def looking_for_splines(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
+def spline_steps(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
     """Spline surface of a mesh with these lines; None without one."""
     if not len(lines.pair):
         return None
@@ -233,15 +233,15 @@ def looking_for_splines(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
     # derivatives along each line, then of crossing derivatives along it, negative on the way back
     along = _derivatives(places, is_spline, lines, steps)
     yield 0
-    across = along[lines.beside]
+    across = along[lines.left]
     ahead = [_at(across, step) for step in steps[1:]]
     places = np.stack([*(-there[lines.back] for there in ahead[::-1]), across, *ahead])
     mixed = _derivatives(places, is_spline, lines, steps)
-    mixed = np.where(np.isnan(mixed), -mixed[lines.beside], mixed)
+    mixed = np.where(np.isnan(mixed), -mixed[lines.left], mixed)
     yield 0
 
     # quads with all data at their corners
-    is_whole = np.isfinite(along + along[lines.beside] + mixed).all(axis=1)
+    is_whole = np.isfinite(along + along[lines.left] + mixed).all(axis=1)
     is_whole = np.append(is_whole, False)
     is_face = np.logical_and.reduce([is_whole[line] for line in _quad(lines, lines.face)])
     if not is_face.any():
@@ -251,7 +251,7 @@ def looking_for_splines(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
     is_corner = np.zeros(len(normal), bool)
     is_corner[v.of_corner[is_face]] = True
     some = np.flatnonzero(is_corner[start])
-    normal[start[some]] = normalise(np.cross(along[some], along[lines.beside[some]]))
+    normal[start[some]] = normalise(np.cross(along[some], along[lines.left[some]]))
     return Splines(lines, is_face, normal, at, along, mixed)
 
 
@@ -264,18 +264,18 @@ def _are_splines(off: Floats, lines: QuadLines, steps: list[Ints]) -> Bools | No
     near.
     """
     is_near = np.append(off <= 1, False)
-    is_far = np.append(off > CLEARLY, False)
+    is_far = np.append(off > CLEAR_RATIO, False)
     two_on = is_near[steps[2]]
     is_spline = is_near[:-1] & (two_on | two_on[lines.back])
-    n_told = (is_spline & is_far[steps[1]]).sum()
-    return is_spline if n_told > TOLD * is_spline.sum() else None
+    n_evident = (is_spline & is_far[steps[1]]).sum()
+    return is_spline if n_evident > EVIDENT_SHARE * is_spline.sum() else None
 
 
 def _steps(lines: QuadLines) -> list[Ints]:
     """Lines (n,) that begin none to three vertices further on, -1 for none."""
-    steps = [np.arange(len(lines.on))]
+    steps = [np.arange(len(lines.ahead))]
     for _ in range(3):
-        steps.append(np.append(lines.on, -1)[steps[-1]])
+        steps.append(np.append(lines.ahead, -1)[steps[-1]])
     return steps
 
 
@@ -292,8 +292,8 @@ def _derivatives(places: Floats, is_spline: Bools, lines: QuadLines, steps: list
     by_places[:, ~is_spline] = np.nan
     found = by_places[0]
     for by_place, step in zip(by_places[1:], steps[1:], strict=True):
-        on = _at(by_place, step)
-        for by_line in (on, -on[lines.back]):
+        ahead = _at(by_place, step)
+        for by_line in (ahead, -ahead[lines.back]):
             found = np.where(np.isnan(found), by_line, found)
 
     return found

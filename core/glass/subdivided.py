@@ -22,7 +22,7 @@ from ..base.steps import Steps
 from ..base.vectors import length_of, normalise
 from .meshes import Edges, components
 from .quartics import AT
-from .splines import QuadLines, Splines, find_quad_lines, looking_for_splines
+from .splines import QuadLines, Splines, find_quad_lines, spline_steps
 from .vertices import Vertices
 
 # Chebyshev iteration for control points: number of steps, and the least eigenvalue of the masks (of
@@ -131,18 +131,18 @@ class Quads:
         return Quads(np.stack(start, axis=1).ravel(), len(places)), places
 
 
-def finding_points(quads: Quads, places: Floats, is_inner: Bools) -> Steps[Floats]:
+def control_point_steps(quads: Quads, places: Floats, is_inner: Bools) -> Steps[Floats]:
     """Control points (n, 3) with limit positions `places` (n, 3) at inner vertices; others stay."""
     middle, half = (1 + LEAST_EIGENVALUE) / 2, (1 - LEAST_EIGENVALUE) / 2
     points = places.copy()
-    way = np.zeros_like(points)
+    direction = np.zeros_like(points)
     part = 1 / middle
     for k in range(STEPS):
         off = np.where(is_inner[:, None], places - quads.limit(points), 0.0)
         again = (half * part) ** 2 / (2 if k == 1 else 4) if k else 0.0
         part = 1 / (middle - again / part) if k else part
-        way = off + again * way
-        points += part * way
+        direction = off + again * direction
+        points += part * direction
         yield 0
 
     return points
@@ -155,7 +155,7 @@ TESTED = 3
 NEAR = 8
 # fraction of an edge by which control points may be off, and how many times less than otherwise
 ROUNDING = 1e-3
-CLEARLY = 10.0
+CLEAR_RATIO = 10.0
 
 
 def _places_divided() -> Ints:
@@ -164,13 +164,13 @@ def _places_divided() -> Ints:
     """
     found = np.full((5, 5), -1)
     corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-    ways = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+    axes = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
     for k in range(4):
         for j in range(4):
             for m in range(4):
                 # from the innermost face outward, by its origin and its first two directions
-                at = 2 * corners[j] + corners[m] @ np.stack([ways[j], ways[(j + 1) % 4]])
-                at = 4 * corners[k] + at @ np.stack([ways[k], ways[(k + 1) % 4]])
+                at = 2 * corners[j] + corners[m] @ np.stack([axes[j], axes[(j + 1) % 4]])
+                at = 4 * corners[k] + at @ np.stack([axes[k], axes[(k + 1) % 4]])
                 found[tuple(at)] = 16 * k + 4 * j + m
 
     return found
@@ -212,8 +212,8 @@ class Subdivided:
         return self.places[vertex], self.normals[vertex]
 
 
-def looking_for_subdivided(
-    v: Vertices, lines: QuadLines, polygon: Ints, asked: Bools
+def subdivided_steps(
+    v: Vertices, lines: QuadLines, polygon: Ints, requested: Bools
 ) -> Steps[Subdivided | None]:
     """Subdivision surface under the requested triangles (t,); None if there is none."""
     faces, halves = _faces(v, lines, polygon)
@@ -227,7 +227,7 @@ def looking_for_subdivided(
     if not is_pole.any():
         return None
 
-    rings = _rings(faces, is_pole, asked[halves].any(axis=1))
+    rings = _rings(faces, is_pole, requested[halves].any(axis=1))
     yield 0
     if not rings[0].any():
         return None
@@ -237,36 +237,36 @@ def looking_for_subdivided(
     quads = Quads(start.reshape(-1), len(used))
     is_whole = is_whole[used]
     is_inner = is_whole & (quads.valence == n_quads[used])
-    points = yield from finding_points(quads, v.at[used], is_inner)
+    points = yield from control_point_steps(quads, v.at[used], is_inner)
 
     # they show where it was divided
     is_tested = np.zeros(n, bool)
     is_tested[faces[rings[TESTED]]] = True
     group = components(quads.n, quads.start, quads.start[quads.after])
-    is_known = _are_divided(quads, points, is_tested[used] & is_inner, group)
-    is_known &= ~np.isin(group, group[~is_whole])
+    is_divided = _are_divided(quads, points, is_tested[used] & is_inner, group)
+    is_divided &= ~np.isin(group, group[~is_whole])
     yield 0
     corners = quads.start.reshape(-1, 4)
-    kept = is_known[corners[:, 0]] & rings[0][rings[-1]]
-    if not kept.any():
+    chosen = is_divided[corners[:, 0]] & rings[0][rings[-1]]
+    if not chosen.any():
         return None
 
     normal = np.full_like(v.normal, np.nan)
     is_corner = np.zeros(quads.n, bool)
-    is_corner[corners[kept]] = True
+    is_corner[corners[chosen]] = True
     normal[used] = quads.limit_normals(points, is_corner)
     yield 0
-    loops, places, normals = yield from _divided_twice(quads, points, kept)
-    row, vertex = _at_nodes(lines, halves[rings[-1]][kept], loops)
+    loops, places, normals = yield from _divided_twice(quads, points, chosen)
+    row, vertex = _at_nodes(lines, halves[rings[-1]][chosen], loops)
     return Subdivided(row >= 0, normal, row, vertex, places, normals)
 
 
-def _rings(faces: Ints, is_pole: Bools, asked: Bools) -> list[Bools]:
+def _rings(faces: Ints, is_pole: Bools, requested: Bools) -> list[Bools]:
     """Requested faces (q,) near poles (f,), then, ring by ring, with the faces around them."""
     is_near = is_pole
     for _ in range(NEAR):
         is_near = _grown(faces, is_near)
-    rings = [asked & is_near[faces].all(axis=1)]
+    rings = [requested & is_near[faces].all(axis=1)]
     for _ in range(AROUND):
         is_near = np.zeros(len(is_pole), bool)
         is_near[faces[rings[-1]]] = True
@@ -340,17 +340,19 @@ def _are_divided(quads: Quads, points: Floats, is_tested: Bools, group: Ints) ->
             offs.append(worst[group])
 
     best, second = np.partition(offs, 1, axis=0)[:2]
-    is_clear = (second > CLEARLY * best) & (second > ROUNDING * edge)
+    is_clear = (second > CLEAR_RATIO * best) & (second > ROUNDING * edge)
     return (by_edge[:n] != by_edge[n:]) & (best <= ROUNDING * edge) & is_clear
 
 
-def _divided_twice(quads: Quads, points: Floats, kept: Bools) -> Steps[tuple[Ints, Floats, Floats]]:
+def _divided_twice(
+    quads: Quads, points: Floats, chosen: Bools
+) -> Steps[tuple[Ints, Floats, Floats]]:
     """Vertices (64 q,) at the loops of the chosen quads, divided twice, with places and unit
     normals (n, 3) of all on the limit surface.
     """
     faces = quads.start.reshape(-1, 4)
     is_near = np.zeros(quads.n, bool)
-    is_near[faces[kept]] = True
+    is_near[faces[chosen]] = True
     is_near = _grown(faces, is_near)
     near = is_near[faces].any(axis=1)
 
@@ -360,7 +362,7 @@ def _divided_twice(quads: Quads, points: Floats, kept: Bools) -> Steps[tuple[Int
         fine, places = fine.divided(places)
         yield 0
 
-    loops = fine.start.reshape(-1, 64)[kept[near]].ravel()
+    loops = fine.start.reshape(-1, 64)[chosen[near]].ravel()
     is_used = np.zeros(fine.n, bool)
     is_used[loops] = True
     normals = fine.limit_normals(places, is_used)
@@ -398,7 +400,7 @@ class ExactLimit:
 
 
 def exact_limit_steps(
-    v: Vertices, edges: Edges, polygon: Ints, asked: Bools
+    v: Vertices, edges: Edges, polygon: Ints, requested: Bools
 ) -> Steps[ExactLimit | None]:
     """Exact limit surface of the requested triangles (t,) of a mesh with triangles in polygons
     (t,).
@@ -410,9 +412,9 @@ def exact_limit_steps(
 
     lines = find_quad_lines(v, edges, polygon)
     yield 0
-    splines = yield from looking_for_splines(v, lines)
-    rest = asked if splines is None else asked & ~splines.is_face
-    subdivided = yield from looking_for_subdivided(v, lines, polygon, rest)
+    splines = yield from spline_steps(v, lines)
+    rest = requested if splines is None else requested & ~splines.is_face
+    subdivided = yield from subdivided_steps(v, lines, polygon, rest)
     parts = [part for part in (splines, subdivided) if part is not None]
     if not parts:
         return None

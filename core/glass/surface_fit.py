@@ -19,15 +19,15 @@ from ..base.products import solve_symmetric
 from ..base.steps import Steps
 from ..base.vectors import dot, length_of, normalise
 from ..native import loading
-from .agreement import AGREEMENT, Agreed, FaceNeighbours, agreeing, on_trial
+from .agreement import AGREEMENT, Agreed, FaceNeighbours, agreement_steps, trial_steps
 from .curved import CurvedFaces
 from .fitted_faces import (
     RIDGE,
     STIFFER,
     Faces,
     Fields,
+    field_steps,
     fit_faces,
-    fitting_fields,
     gradients,
     match_edges,
     system,
@@ -36,12 +36,12 @@ from .fitted_faces import (
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, N_TERMS, NODES, by_term
 from .subdivided import ExactLimit, exact_limit_steps
-from .trust import FlatParts, how_far_trusted, in_parts
-from .vertices import Vertices, find_vertices, seen_across
+from .trust import FlatParts, blend_faces, trust_steps
+from .vertices import Vertices, find_vertices, with_second_ring
 
 
 @dataclass(frozen=True)
-class NormalKnobs:
+class NormalOptions:
     """Fit of normals to vertices, and limits for their use (docs/decisions/02-curved-faces.md).
 
     Tuned by `dev.py irregular` on uneven, noisy, decimated and bevelled meshes: if vertices lie on
@@ -76,10 +76,10 @@ class NormalKnobs:
     straight_on: float = -0.7
 
 
-NORMALS = NormalKnobs()
+NORMALS = NormalOptions()
 
 
-def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Steps[Floats]:
+def normal_steps(v: Vertices, wanted: Bools, exact: Floats) -> Steps[Floats]:
     """Normals (f, 3) of the surface through the vertices, if the given ones are only means of the
     faces around.
 
@@ -94,13 +94,13 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Steps[Floats]:
     is_held = ~np.isnan(exact[:, 0])
     is_left = wanted & ~is_held
     normal = np.where(is_held[:, None], exact, v.normal)
-    across = seen_across(v)
+    across = with_second_ring(v)
     fields = tangent_planes(across)
     turn = _turns(v, v.normal)
 
     for ridge in (RIDGE, STIFFER):
         found = normal.copy()
-        change = yield from _settling_normals(across, fields, ridge, is_left, found)
+        change = yield from _settle_normal_steps(across, fields, ridge, is_left, found)
         yield 0
         is_near, is_straight = _are_near(v, fields.is_rim, turn, found, change)
         if ridge is STIFFER:  # these settle near the mean, whatever chords say
@@ -158,7 +158,7 @@ def _bend(v: Vertices, normal: Floats) -> Floats:
     return np.sqrt(np.bincount(v.start, unlike**2, len(v.at)) / np.maximum(np.diff(v.first), 1))
 
 
-def _settling_normals(
+def _settle_normal_steps(
     v: Vertices, fields: Fields, ridge: Floats, wanted: Bools, normal: Floats
 ) -> Steps[Floats]:
     """Make the wanted ones of normals (f, 3) agree with their neighbours', with pauses.
@@ -166,9 +166,11 @@ def _settling_normals(
     Returns their change (f, 3) in the last sweep.
     """
     if loading.library() is not None:
-        fit = fields.fit_of(v)
+        fit = fields.kernel_fit(v)
         return (
-            yield from fit.settling_normals(wanted, ridge, normal, NORMALS.sweeps, NORMALS.settled)
+            yield from fit.settle_normal_steps(
+                wanted, ridge, normal, NORMALS.sweeps, NORMALS.settled
+            )
         )
 
     before = normal
@@ -225,19 +227,24 @@ def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
     suspect = wanted & (np.bincount(v.start, turn > NORMALS.bulge, len(v.at)) > 0)
     for _, pairs in v.by_valence(suspect):
         facing = np.einsum("nic,njc->nij", direction[pairs], direction[pairs])
-        on = np.take_along_axis(pairs, facing.argmin(axis=2), axis=1)  # the pair straight on
+        continuation = np.take_along_axis(
+            pairs, facing.argmin(axis=2), axis=1
+        )  # the pair straight on
         is_bad[pairs] = (
             (facing.min(axis=2) < NORMALS.straight_on)
             & (turn[pairs] > NORMALS.bulge)
-            & (length[pairs] > NORMALS.shorter * length[on])
-            & (turn[on] * length[pairs] > NORMALS.jump * turn[pairs] * length[on])
+            & (length[pairs] > NORMALS.shorter * length[continuation])
+            & (
+                turn[continuation] * length[pairs]
+                > NORMALS.jump * turn[pairs] * length[continuation]
+            )
         )
 
     return is_bad
 
 
 @dataclass(frozen=True)
-class FitKnobs:
+class FitOptions:
     """Smooth triangles that become curved faces (docs/decisions/02-curved-faces.md).
 
     Tuned by `dev.py irregular` and `dev.py bench`, against closed forms.
@@ -250,7 +257,7 @@ class FitKnobs:
     coplanar: float = 1e-4
 
 
-FIT = FitKnobs()
+FIT = FitOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,12 +302,12 @@ def make_curved(
     n_triangles = len(drawn.triangles)
 
     corners = take(drawn.vertices, drawn.triangles)
-    asked = wanted
+    requested = wanted
     found = yield from _find_normals(drawn, wanted, has_mean_normals)
     v = found.v
 
     # a face over each consistent triangle
-    wanted, flat_face = _in_agreement(found, drawn, asked)
+    wanted, flat_face = _in_agreement(found, drawn, requested)
     yield 0
     size, faces, is_whole = yield from _fit(found, drawn, corners, wanted)
 
@@ -311,64 +318,66 @@ def make_curved(
         faces = faces.at(is_whole)
         yield 0
 
-    beside = FaceNeighbours.of(faces.chosen, n_triangles, edges, is_joined)
+    neighbours = FaceNeighbours.of(faces.chosen, n_triangles, edges, is_joined)
     yield 0
 
     # normals that agree at the edges, and trust in the faces
     area = areas_of(corners)
     at_corners = take(v.normal, v.of_corner[faces.chosen])
-    agreed = yield from agreeing(faces.meant, at_corners, area[faces.chosen], beside)
+    agreed = yield from agreement_steps(faces.intended, at_corners, area[faces.chosen], neighbours)
     yield 0
     n_doubted = 0
 
     if is_automatic:
         at, given = take(corners, faces.chosen), take(found.given, v.of_corner[faces.chosen])
-        trial = yield from on_trial(at, faces.coefficients, at_corners, given, agreed)
+        estimate = yield from trial_steps(at, faces.coefficients, at_corners, given, agreed)
         yield 0
-        is_known = np.zeros(n_triangles, bool) if found.known is None else found.known.is_face
-        parts = FlatParts(flat_face, is_known[faces.chosen])
-        trusted = yield from how_far_trusted(v, size, faces, trial, parts)
-        if not (trusted.is_kept.all() and (trusted.weight == 1).all()):
-            n_doubted = int((~trusted.is_kept).sum())
-            v, faces = in_parts(v, faces.at(trusted.is_kept), found.given, trusted.weight)
-            beside = FaceNeighbours.of(faces.chosen, n_triangles, edges, is_joined)
+        is_exact = np.zeros(n_triangles, bool) if found.limit is None else found.limit.is_face
+        parts = FlatParts(flat_face, is_exact[faces.chosen])
+        trusted = yield from trust_steps(v, size, faces, estimate, parts)
+        if not (trusted.is_curved.all() and (trusted.weight == 1).all()):
+            n_doubted = int((~trusted.is_curved).sum())
+            v, faces = blend_faces(v, faces.at(trusted.is_curved), found.given, trusted.weight)
+            neighbours = FaceNeighbours.of(faces.chosen, n_triangles, edges, is_joined)
 
     if not len(faces.chosen):
         return None, n_doubted
 
     # flat faces keep the given normals: so do the curved faces around their vertices
-    normal = _with_given(v, found.given, beside.row < 0)
+    normal = _with_given(v, found.given, neighbours.row < 0)
     vertex = v.of_corner[faces.chosen]
 
     if len(faces.chosen) < n_triangles:
         yield 0
-        agreed = yield from agreeing(faces.meant, take(normal, vertex), area[faces.chosen], beside)
+        agreed = yield from agreement_steps(
+            faces.intended, take(normal, vertex), area[faces.chosen], neighbours
+        )
 
     yield 0
-    return _put_together(corners, vertex, normal, faces, agreed, beside), n_doubted
+    return _put_together(corners, vertex, normal, faces, agreed, neighbours), n_doubted
 
 
-class _Meant(NamedTuple):
+class _FittedNormals(NamedTuple):
     """Vertices of a mesh with the intended normals.
 
     given : (f, 3) normals before the fit
     wanted : (t,) triangles still to be curved
     is_used : (f,) vertices at the corners of triangles wanted before
-    known : the exact limit surface, if any
+    limit : the exact limit surface, if any
     """
 
     v: Vertices
     given: Floats
     wanted: Bools
     is_used: Bools
-    known: ExactLimit | None
+    limit: ExactLimit | None
 
 
-def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Steps[_Meant]:
+def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Steps[_FittedNormals]:
     """Vertices with fitted normals if the given ones are means; `wanted` are the triangles they
     fit.
     """
-    asked = wanted
+    requested = wanted
     least = np.einsum("tij,tj->ti", drawn.corner_normals, drawn.facets).min(axis=1)
     wanted = wanted & (least > FIT.least_cosine)
     v = find_vertices(
@@ -383,40 +392,40 @@ def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Steps[
     is_used = _are_corners(v, wanted)
     yield 0
 
-    known = None
+    limit = None
     if has_mean_normals:
         if drawn.polygon is not None:
-            known = yield from exact_limit_steps(v, drawn.edges, drawn.polygon, asked)
-        exact = np.full_like(given, np.nan) if known is None else known.normal
-        v = replace(v, normal=(yield from finding_normals(v, is_used, exact)))
+            limit = yield from exact_limit_steps(v, drawn.edges, drawn.polygon, requested)
+        exact = np.full_like(given, np.nan) if limit is None else limit.normal
+        v = replace(v, normal=(yield from normal_steps(v, is_used, exact)))
         yield 0
         cosine = np.einsum("tij,tj->ti", take(v.normal, v.of_corner), drawn.facets)
         wanted &= (cosine > FIT.least_cosine).all(axis=1)
-        if known is not None:
-            wanted |= asked & known.is_face
+        if limit is not None:
+            wanted |= requested & limit.is_face
 
     yield 0
-    return _Meant(v, given, wanted, is_used, known)
+    return _FittedNormals(v, given, wanted, is_used, limit)
 
 
 def _fit(
-    found: _Meant, drawn: Drawn, corners: Floats, wanted: Bools
+    found: _FittedNormals, drawn: Drawn, corners: Floats, wanted: Bools
 ) -> Steps[tuple[Floats, Faces, Bools]]:
     """Sizes (f,) of vertices' fields, faces over wanted triangles (t,), and a mask of faces near
     their facets.
 
     corners : (t, 3, 3) m, of all triangles
     """
-    v, known = found.v, found.known
+    v, limit = found.v, found.limit
     chosen = np.flatnonzero(wanted)
-    if known is None:
-        fields = yield from fitting_fields(v, _are_corners(v, wanted))
+    if limit is None:
+        fields = yield from field_steps(v, _are_corners(v, wanted))
         return fields.size, *(yield from fit_faces(v, fields, corners, drawn.facets, chosen, None))
 
-    fields = yield from fitting_fields(v, _are_corners(v, wanted & ~known.is_face))
-    faces, is_whole = yield from fit_faces(v, fields, corners, drawn.facets, chosen, known)
+    fields = yield from field_steps(v, _are_corners(v, wanted & ~limit.is_face))
+    faces, is_whole = yield from fit_faces(v, fields, corners, drawn.facets, chosen, limit)
     joined = drawn.edges.at(drawn.is_joined)
-    is_whole &= match_edges(faces, known, joined, corners, drawn.facets)
+    is_whole &= match_edges(faces, limit, joined, corners, drawn.facets)
     yield 0
     return fields.size, faces, is_whole
 
@@ -435,11 +444,11 @@ def _with_given(v: Vertices, given: Floats, is_drawn: Bools) -> Floats:
     return np.where(_are_corners(v, is_drawn)[:, None], given, v.normal)
 
 
-def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Ints]:
+def _in_agreement(found: _FittedNormals, drawn: Drawn, requested: Bools) -> tuple[Bools, Ints]:
     """Mask of wanted triangles (t,) with normals that fit their shape, and the flat face (t,) of
     each.
 
-    asked : (t,) triangles wanted at first
+    requested : (t,) triangles wanted at first
     """
     v, wanted = found.v, found.wanted
 
@@ -452,8 +461,8 @@ def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Int
         bad = np.concatenate([start * n + end, end * n + start])
         along = v.of_corner * n + np.roll(v.of_corner, -1, axis=1)
         is_bad = np.isin(along, bad).any(axis=1)
-        if found.known is not None:
-            is_bad &= ~found.known.is_face
+        if found.limit is not None:
+            is_bad &= ~found.limit.is_face
         wanted = wanted & ~is_bad
 
     # a flat face is curved as a whole or not at all
@@ -461,7 +470,7 @@ def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Int
     turn = greatest(np.abs(take(drawn.facets, first) - take(drawn.facets, second)))
     is_flat = drawn.is_joined & (turn < FIT.coplanar)
     flat_face = components(len(wanted), first[is_flat], second[is_flat])
-    wanted = wanted & ~np.isin(flat_face, flat_face[asked & ~wanted])
+    wanted = wanted & ~np.isin(flat_face, flat_face[requested & ~wanted])
 
     # and stays flat if nothing around it is curved
     among = drawn.is_joined & ~is_flat & wanted[first] & wanted[second]
@@ -475,12 +484,12 @@ def _put_together(
     normal: Floats,
     faces: Faces,
     agreed: Agreed,
-    beside: FaceNeighbours,
+    neighbours: FaceNeighbours,
 ) -> CurvedFaces:
     """Curved faces, with straight edges and terms of their normals where needed."""
     # faces with straight edges, and their coefficients without
     coefficients = faces.coefficients
-    is_straight = beside.triangle < 0
+    is_straight = neighbours.triangle < 0
     held = np.flatnonzero(is_straight.any(axis=1))
     bent_row = np.full(len(vertex), -1, np.int32)
     bent_row[held] = np.arange(len(held))
@@ -491,9 +500,9 @@ def _put_together(
 
     # terms of normals other than the faces' own
     at_corners = take(normal, vertex)
-    meant = agreed.normals, at_corners
+    intended = agreed.normals, at_corners
     own = np.split(faces.own, [agreed.normals.shape[1]], axis=1)
-    off = np.maximum(*(greatest(length_of(a - b)) for a, b in zip(meant, own, strict=True)))
+    off = np.maximum(*(greatest(length_of(a - b)) for a, b in zip(intended, own, strict=True)))
     with_terms = np.flatnonzero(is_straight.any(axis=1) | (off > AGREEMENT.agree))
     normal_row = np.full(len(vertex), -1, np.int32)
     normal_row[with_terms] = np.arange(len(with_terms))
@@ -502,10 +511,10 @@ def _put_together(
 
     return CurvedFaces(
         corners=corners,
-        row=beside.row,
+        row=neighbours.row,
         coefficients=by_term(coefficients),
-        neighbour=beside.triangle,
-        neighbour_edge=beside.edge,
+        neighbour=neighbours.triangle,
+        neighbour_edge=neighbours.edge,
         vertex=vertex,
         vertex_normal=normal,
         normal_row=normal_row,

@@ -17,16 +17,16 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints, take
 from ..base.steps import Steps
 from ..base.vectors import normalise
-from .agreement import AGREEMENT, Trial
+from .agreement import AGREEMENT, ErrorEstimate
 from .fitted_faces import Faces
-from .grid_lines import look_along_lines
+from .grid_lines import line_steps
 from .meshes import components
 from .quartics import AT, AT_NODES, FROM_NODES, NODES
 from .vertices import Vertices
 
 
 @dataclass(frozen=True)
-class PartKnobs:
+class TrustOptions:
     """Trust in a vertex (docs/decisions/04-automatic-surface.md).
 
     Parameters
@@ -48,31 +48,31 @@ class PartKnobs:
     chance: float = 0.15
 
 
-PART = PartKnobs()
+PART = TrustOptions()
 
 
-def is_irregular(scatter: Floats, trial: Trial) -> Bools:
+def is_irregular(scatter: Floats, estimate: ErrorEstimate) -> Bools:
     """Mask of faces (p,) with vertices off smooth lines by scatter (p, 3), or on none."""
-    return (scatter**2).mean(axis=1) > PART.irregular**2 * trial.gained
+    return (scatter**2).mean(axis=1) > PART.irregular**2 * estimate.gain
 
 
-def weights(n_vertices: int, vertex: Ints, trial: Trial, is_trusted: Bools) -> Floats:
+def weights(n_vertices: int, vertex: Ints, estimate: ErrorEstimate, is_trusted: Bools) -> Floats:
     """Trust, 0..1, in the vertices (f,) of curved faces (p, 3).
 
     1 if all faces around are trusted, else from the jumps of the faces around.
     """
-    unsure, gained = (
+    error, gain = (
         np.bincount(vertex.ravel(), np.repeat(x, 3), n_vertices)
-        for x in (trial.unsure, trial.gained)
+        for x in (estimate.error, estimate.gain)
     )
-    weight = 1 - PART.squared_error * unsure / (gained + AGREEMENT.agree**2)
+    weight = 1 - PART.squared_error * error / (gain + AGREEMENT.agree**2)
     weight[weight < PART.least] = 0.0
     is_whole = np.ones(n_vertices, bool)
     is_whole[vertex[~is_trusted]] = False
     return np.where(is_whole, 1.0, weight)
 
 
-def in_parts(v: Vertices, faces: Faces, given: Floats, weight: Floats) -> tuple[Vertices, Faces]:
+def blend_faces(v: Vertices, faces: Faces, given: Floats, weight: Floats) -> tuple[Vertices, Faces]:
     """Vertices and faces (p,) between curved, at weight (f,) 1, and facets with the given normals
     (f, 3).
     """
@@ -88,9 +88,9 @@ def in_parts(v: Vertices, faces: Faces, given: Floats, weight: Floats) -> tuple[
 
     part = np.matmul(AT, by_corner)
     facets = normalise(np.matmul(AT, take(given, vertex[some])))
-    meant = faces.meant.copy()
-    meant[some] = normalise(part * meant[some] + (1 - part) * facets)
-    return replace(v, normal=normal), replace(faces, coefficients=coefficients, meant=meant)
+    intended = faces.intended.copy()
+    intended[some] = normalise(part * intended[some] + (1 - part) * facets)
+    return replace(v, normal=normal), replace(faces, coefficients=coefficients, intended=intended)
 
 
 class Trusted(NamedTuple):
@@ -98,7 +98,7 @@ class Trusted(NamedTuple):
     vertices (f,).
     """
 
-    is_kept: Bools
+    is_curved: Bools
     weight: Floats
 
 
@@ -108,11 +108,11 @@ class FlatParts(NamedTuple):
     """
 
     flat_face: Ints
-    is_known: Bools
+    is_exact: Bools
 
 
-def how_far_trusted(
-    v: Vertices, size: Floats, faces: Faces, trial: Trial, parts: FlatParts
+def trust_steps(
+    v: Vertices, size: Floats, faces: Faces, estimate: ErrorEstimate, parts: FlatParts
 ) -> Steps[Trusted]:
     """Trusted faces (n,), and how far they are trusted.
 
@@ -120,41 +120,41 @@ def how_far_trusted(
     """
     vertex = v.of_corner[faces.chosen]
     of_face = parts.flat_face[faces.chosen]
-    is_near = trial.trusted(vertex) | parts.is_known
+    is_near = estimate.trusted(vertex) | parts.is_exact
     weight = np.ones(len(v.at))
     if is_near.all():
-        is_kept = _whole(~faces.is_swollen, of_face)
-        return Trusted(is_kept, weight)
+        is_curved = _whole(~faces.is_swollen, of_face)
+        return Trusted(is_curved, weight)
 
     yield 0
-    lines = yield from look_along_lines(v, size)
+    lines = yield from line_steps(v, size)
     scatter = lines.scatter[vertex]
-    is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
+    is_near |= estimate.on_smooth_lines(scatter).trusted(vertex)
     piece = _pieces(vertex)
-    if trial.is_coarse.any() and not is_near.all():
-        is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
+    if estimate.is_coarse.any() and not is_near.all():
+        is_fine = estimate.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
 
         # a mesh in one piece as a whole: regular in parts it may have kinks between them
         is_near |= ~np.isin(piece, piece[~is_fine])
 
     # partial trust if most of a piece is off smooth lines
     is_trusted = _whole(~faces.is_swollen & is_near, of_face)
-    in_part = _more(is_irregular(scatter, trial), piece, 0.5)
+    in_part = _more(is_irregular(scatter, estimate), piece, 0.5)
     if not in_part.any():
         return Trusted(is_trusted, weight)
 
     # the given normals are off as well there, and so are the facets'
-    trial = trial._replace(gained=trial.apart)
-    is_near |= trial.trusted(vertex)
-    far = weights(len(v.at), vertex, trial, _whole(~faces.is_swollen & is_near, of_face))
+    estimate = estimate._replace(gain=estimate.drawn_gain)
+    is_near |= estimate.trusted(vertex)
+    far = weights(len(v.at), vertex, estimate, _whole(~faces.is_swollen & is_near, of_face))
 
     # only if more vertices gain than by chance; exact faces stay whole
-    far[vertex[parts.is_known]] = 1.0
+    far[vertex[parts.is_exact]] = 1.0
     in_part &= _more((far[vertex] > 0).mean(axis=1), piece, PART.chance)
     of_part = vertex[in_part]
     weight[of_part] = far[of_part]
-    is_kept = _whole(~faces.is_swollen & (far[vertex] > 0).any(axis=1), of_face)
-    return Trusted(np.where(in_part, is_kept, is_trusted), weight)
+    is_curved = _whole(~faces.is_swollen & (far[vertex] > 0).any(axis=1), of_face)
+    return Trusted(np.where(in_part, is_curved, is_trusted), weight)
 
 
 def _whole(which: Bools, of_face: Ints) -> Bools:

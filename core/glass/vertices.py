@@ -21,7 +21,7 @@ class Vertices:
     start, end : (p,) all directed pairs of neighbours, sorted by start
     first : (f + 1,) first pair of each vertex
     rim : (f, 3) m, along the rim at vertices with neighbours on one side only, 0 elsewhere; None
-        before `seen_across`
+        before `with_second_ring`
     """
 
     at: Floats
@@ -60,12 +60,12 @@ def find_vertices(
 
     # most vertices have joined edges only and stay whole; around the others corners are joined one
     # by one
-    beside = np.zeros((n, 3), bool)  # edges (t, 3) that are joined
+    is_joined_edge = np.zeros((n, 3), bool)  # edges (t, 3) that are joined
     for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
-        beside[t[is_joined], e[is_joined]] = True
+        is_joined_edge[t[is_joined], e[is_joined]] = True
 
     whole = np.ones(len(vertices), bool)
-    open_t, open_e = np.nonzero(~beside)
+    open_t, open_e = np.nonzero(~is_joined_edge)
     whole[triangles[open_t, open_e]] = whole[triangles[open_t, (open_e + 1) % 3]] = False
 
     chosen = np.flatnonzero(~whole[triangles].ravel())
@@ -92,7 +92,7 @@ def find_vertices(
     # a joined edge occurs once in each direction; the reverse of the others has to be added
     a = of_corner.ravel()
     b = np.roll(of_corner, -1, axis=1).ravel()
-    lone = ~beside.ravel()
+    lone = ~is_joined_edge.ravel()
     start = np.concatenate([a, b[lone]])
     end = np.concatenate([b, a[lone]])
 
@@ -104,7 +104,7 @@ def find_vertices(
     return Vertices(at, normal, dot(normal, normal) > 0.5, of_corner, start, end, first)
 
 
-def seen_across(v: Vertices) -> Vertices:
+def with_second_ring(v: Vertices) -> Vertices:
     """The same vertices, with second neighbours added for vertices at rims.
 
     One ring cannot distinguish a dome from a cone, so a vertex counts as a rim vertex only if two

@@ -37,7 +37,7 @@ class BorderEdges(NamedTuple):
         return BorderEdges(*(column[which] for column in self))
 
 
-def lack(points: Points, near: Ints, far: Ints, allowance: RayBudget) -> Bools:
+def exceed_budget(points: Points, near: Ints, far: Ints, budget: RayBudget) -> Bools:
     """Mask of edges (n,), as for `find_borders`, whose borders need more rays than their pixels
     have.
     """
@@ -46,12 +46,12 @@ def lack(points: Points, near: Ints, far: Ints, allowance: RayBudget) -> Bools:
     n_rays = N_DIGITS + ((points.branch[far] != 0) & (near > far))
     middle = (points.view[near] + points.view[far]) / 2  # rays on an edge start in the same pixel
     view = np.concatenate([middle, points.view[near]])
-    lacks = allowance.lacks(view, np.append(n_rays, np.ones(n, np.int64)))
-    return lacks[:n] | lacks[n:]
+    exceeds = budget.exceeds(view, np.append(n_rays, np.ones(n, np.int64)))
+    return exceeds[:n] | exceeds[n:]
 
 
 def find_borders(
-    plan: Plan, points: Points, near: Ints, far: Ints, allowance: RayBudget
+    plan: Plan, points: Points, near: Ints, far: Ints, budget: RayBudget
 ) -> Generator[int, None, Points]:
     """Borders on edges (n,) from points `near` to points `far`, sorted by near, then far: the last
     points (n,) on the near branch. Yields the number of rays traced since.
@@ -65,7 +65,7 @@ def find_borders(
     # several borders begin at one point
     once, at_near = np.unique(near, return_inverse=True)
     view = take(points.view, once)
-    allowance.take(view)
+    budget.take(view)
     courses: list[Words] = []
     yield from trace_points(plan, view, courses=courses)
     edges = BorderEdges(near, far, _together(courses)[at_near], np.ones(len(near)))
@@ -77,18 +77,18 @@ def find_borders(
     is_second = (key[at] == back) & (near > far)
     first = np.flatnonzero(~is_second)
     second = np.flatnonzero(is_second)
-    ends, found = yield from last_on_branch(plan, points, edges.at(first), allowance)
+    ends, found = yield from last_on_branch(plan, points, edges.at(first), budget)
 
     # second sides, limited by the end found from the first
     rank = np.empty(len(near), np.int64)
     rank[first] = np.arange(len(first))
     of_second = edges.at(second)._replace(end=np.minimum(1 - ends[rank[at[second]]], 1.0))
-    _, others = yield from last_on_branch(plan, points, of_second, allowance)
+    _, others = yield from last_on_branch(plan, points, of_second, budget)
     return found.and_more(others).at(np.argsort(np.concatenate([first, second])))
 
 
 def last_on_branch(
-    plan: Plan, points: Points, edges: BorderEdges, allowance: RayBudget
+    plan: Plan, points: Points, edges: BorderEdges, budget: RayBudget
 ) -> Generator[int, None, tuple[Floats, Points]]:
     """End (n,) of the near points' branch on edges (n,), and the last points (n,) on it, by
     bisection.
@@ -99,7 +99,7 @@ def last_on_branch(
     near, far, course, end = edges
     # start with the near points themselves
     start = take(points.view, near)
-    way = take(points.view, far) - start
+    along = take(points.view, far) - start
     branch = points.branch[near]
     ends = Ends(
         low=np.zeros(len(near)),
@@ -115,7 +115,7 @@ def last_on_branch(
         branch.
         """
         ends.n_tried[some] += 1
-        view = start[some] + at[:, None] * way[some]
+        view = start[some] + at[:, None] * along[some]
         found = yield from trace_points(plan, view, course[some])
         holds = found.branch == branch[some]
         ends.xy[some[holds]] = found.xy[holds]
@@ -124,7 +124,7 @@ def last_on_branch(
         return holds
 
     if plan.tracer.bisect is not None and not plan.n_copies:
-        edges = Halving(start, way, course, branch, ends, least)
+        edges = Halving(start, along, course, branch, ends, least)
         ends = yield from plan.tracer.bisect(plan, edges)
     else:
         # first the limits, then halves, all edges together
@@ -137,8 +137,8 @@ def last_on_branch(
             yield from tried(todo, ends.low[todo] + ends.width[todo])
             todo = todo[ends.width[todo] > least]
 
-    allowance.take(start + way / 2, ends.n_tried)
-    last = start + ends.low[:, None] * way
+    budget.take(start + along / 2, ends.n_tried)
+    last = start + ends.low[:, None] * along
     return ends.low + ends.width, Points(
         last, ends.xy, branch, points.reason[near], ends.throughput
     )

@@ -52,10 +52,10 @@ class Bounds(NamedTuple):
     bottom: Floats
 
 
-def columns_of(polygons: Floats) -> tuple[Floats, Floats]:
+def split_xy(polygons: Floats) -> tuple[Floats, Floats]:
     """First and second coordinate (k, c) of polygons (c, k, 2), contiguous."""
-    turned = np.asarray(polygons, float).transpose(2, 1, 0)
-    return np.ascontiguousarray(turned[0]), np.ascontiguousarray(turned[1])
+    transposed = np.asarray(polygons, float).transpose(2, 1, 0)
+    return np.ascontiguousarray(transposed[0]), np.ascontiguousarray(transposed[1])
 
 
 def corner_bounds(x: Floats, y: Floats) -> Bounds:
@@ -168,10 +168,10 @@ def unfolded(quads: Cells) -> tuple[Cells, Cells]:
     corner = np.abs(_corner_areas(quads.x, quads.y))
     turn = np.where(corner[0] + corner[2] < corner[1] + corner[3], 1, 0)
     order = (np.arange(4)[:, None] + turn) % 4
-    turned = Cells(
+    rotated = Cells(
         quads.number, *(np.take_along_axis(values, order, axis=0) for values in quads[1:])
     )
-    return turned.triangle((0, 1, 2)), turned.triangle((2, 3, 0))
+    return rotated.triangle((0, 1, 2)), rotated.triangle((2, 3, 0))
 
 
 def thickened(cells: Cells) -> Cells:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..base.arrays import Bools, Ints
 from ..light.plan import Plan
-from .borders import find_borders, lack
+from .borders import exceed_budget, find_borders
 from .points import Points
 from .ray_budget import RayBudget
 
@@ -16,17 +16,17 @@ class Cut(NamedTuple):
     """Pieces of cells (m,), and all points.
 
     pieces, owner : triangles (t, 3), and their cells (t,)
-    lacks : (m,) cells not cut, because they exceed the ray budget
+    is_over_budget : (m,) cells not cut, because they exceed the ray budget
     """
 
     points: Points
     pieces: Ints
     owner: Ints
-    lacks: Bools
+    is_over_budget: Bools
 
 
 def cut_cells(
-    plan: Plan, points: Points, cells: Ints, allowance: RayBudget, middle: Ints | None = None
+    plan: Plan, points: Points, cells: Ints, budget: RayBudget, middle: Ints | None = None
 ) -> Generator[int, None, Cut]:
     """Cut cells (m, k) with corners on several branches, within the ray budget.
 
@@ -35,32 +35,32 @@ def cut_cells(
     cells = cells.astype(np.int64)
     key, of_cell = _sides(points, cells)
     yield 0
-    lacks = np.zeros(len(cells), bool)
+    is_over_budget = np.zeros(len(cells), bool)
     if not len(cells):
-        return Cut(points, np.empty((0, 3), np.int64), np.empty(0, np.int64), lacks)
+        return Cut(points, np.empty((0, 3), np.int64), np.empty(0, np.int64), is_over_budget)
 
     # each border is searched once from each of its two sides with a landing
     new, number = np.unique(key, return_inverse=True)
     yield 0
-    lacks[of_cell[lack(points, *_points_of(new), allowance)[number]]] = True
+    is_over_budget[of_cell[exceed_budget(points, *_points_of(new), budget)[number]]] = True
     yield 0
 
     # borders of cells within the budget
     is_wanted = np.zeros(len(new), bool)
-    is_wanted[number[~lacks[of_cell]]] = True
+    is_wanted[number[~is_over_budget[of_cell]]] = True
     new = new[is_wanted]
     yield 0
-    border = yield from find_borders(plan, points, *_points_of(new), allowance)
+    border = yield from find_borders(plan, points, *_points_of(new), budget)
     first = len(points)
     yield 0
     points = points.and_more(border)
     yield 0
 
-    some = np.flatnonzero(~lacks)
+    some = np.flatnonzero(~is_over_budget)
     pieces, owner = yield from _cut(
         points, cells[some], new, first, None if middle is None else middle[some]
     )
-    return Cut(points, pieces, some[owner], lacks)
+    return Cut(points, pieces, some[owner], is_over_budget)
 
 
 def around_middles(cells: Ints) -> Ints:
@@ -161,10 +161,10 @@ def _groups(points: Points, cells: Ints, middle: Ints | None) -> Ints:
     if middle is not None:
         corner = np.arange(k)
         opposite = np.abs(corner[:, None] - corner) == 2
-        beside = same & ~opposite & ~np.eye(k, dtype=bool)
+        is_adjacent = same & ~opposite & ~np.eye(k, dtype=bool)
 
         # if both corners of the other branch are isolated, the middle decides
-        alone = ~beside.any(axis=2)
+        alone = ~is_adjacent.any(axis=2)
         saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
         holds = points.branch[middle[saddle]][:, None] == branch[saddle]
         split = alone[saddle] & ~holds

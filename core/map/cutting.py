@@ -39,7 +39,9 @@ def is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
     return float(np.median(across)) <= APART_PX * along
 
 
-def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: RayBudget) -> Steps[Bools]:
+def quarters_exceed_budget(
+    points: Points, cells: Ints, middle: Ints, budget: RayBudget
+) -> Steps[Bools]:
     """Mask of square cells (m, 4), with middles (m,), without enough rays for the corners and the
     middles of their quarters.
     """
@@ -48,11 +50,11 @@ def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: RayBudge
     middles = (corners + points.view[middle][:, None]) / 2
     view = np.concatenate([halfway, middles], axis=1)
     yield 0
-    return allowance.lacks(view.reshape(-1, 2)).reshape(len(cells), 8).any(axis=1)
+    return budget.exceeds(view.reshape(-1, 2)).reshape(len(cells), 8).any(axis=1)
 
 
 def quartered(
-    plan: Plan, points: Points, cells: Ints, middle: Ints, allowance: RayBudget
+    plan: Plan, points: Points, cells: Ints, middle: Ints, budget: RayBudget
 ) -> Generator[int, None, tuple[Points, Ints, Ints]]:
     """All points, the quarters (4 m, 4) of square cells (m, 4), and the quarters' middles (4 m,).
 
@@ -80,12 +82,12 @@ def quartered(
 
     # in one batch with their middles
     middles = mean_at(np.concatenate([points.view, halfway]), quarters)
-    asked = np.concatenate([halfway, middles])
-    allowance.take(asked)
-    found = yield from trace_points(plan, asked)
+    places = np.concatenate([halfway, middles])
+    budget.take(places)
+    found = yield from trace_points(plan, places)
     of_middle = len(points) + len(halfway) + np.arange(len(quarters))
     yield 0
-    points = yield from Points.joining([points, found])
+    points = yield from Points.join_steps([points, found])
     return points, quarters, of_middle
 
 
@@ -97,14 +99,14 @@ class CutPixels:
     quads : (q, 4) corners of whole pixels and quarters
     triangles : (t, 3) corners of other pieces
     chaotic : (c, 4) corners of cells in chaotic light, not cut
-    allowance : the remaining ray budget
+    budget : the remaining ray budget
     """
 
     points: Points
     quads: Ints
     triangles: Ints
     chaotic: Ints
-    allowance: RayBudget
+    budget: RayBudget
 
 
 class _Parts(NamedTuple):
@@ -127,14 +129,14 @@ class _CutSamples(NamedTuple):
     is_one : corners on one branch
     off : display px by which the middle is missed, as in `_missed`
     has_gaps : pieces leave out a lit part
-    lacks : not cut, because they exceed the rays left to their pixels
+    is_over_budget : not cut, because they exceed the rays left to their pixels
     pieces, owner : (t, 3) lit pieces of cells on several branches, and the cell (t,) of each
     """
 
     is_one: Bools
     off: Floats
     has_gaps: Bools
-    lacks: Bools
+    is_over_budget: Bools
     pieces: Ints
     owner: Ints
 
@@ -160,7 +162,7 @@ class Cutting:
 
     def __init__(self, plan: Plan, points: Points, is_coarse: bool) -> None:
         self.plan, self.points, self.is_coarse = plan, points, is_coarse
-        self.allowance = RayBudget(plan, points.view)
+        self.budget = RayBudget(plan, points.view)
         self.quads: list[Ints] = []
         self.triangles: list[Ints] = []
         self.chaotic: list[Ints] = []
@@ -170,7 +172,7 @@ class Cutting:
     def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
         """Cut pixels (m, 4) in squares (m,), by number; returns the cells to be quartered."""
         middle = mean_at(self.points.view, corners)
-        self.allowance.take(middle)
+        self.budget.take(middle)
         found = yield from trace_points(self.plan, middle)
         number = len(self.points) + np.arange(len(corners))
         self.points = self.points.and_more(found)
@@ -180,18 +182,18 @@ class Cutting:
         yield 0
 
         # calm if few are in doubt; cells bent by more than the tolerance do not count
-        in_doubt = (found.has_gaps | np.isinf(found.off)) & ~found.lacks
+        in_doubt = (found.has_gaps | np.isinf(found.off)) & ~found.is_over_budget
         n_in_doubt = np.bincount(square, in_doubt)
         is_dense_enough = is_dense(self.plan, self.points, corners[found.is_one])
         is_calm = (n_in_doubt <= N_DOUBTFUL)[square] | (not is_dense_enough)
         cells = cells._replace(is_calm=is_calm)
-        return (yield from self._settled(cells, found, is_last=self.is_coarse))
+        return (yield from self._accept(cells, found, is_last=self.is_coarse))
 
     def quarters(self, some: _Parts) -> Generator[int, None, None]:
         """Cut the quarters of pixels."""
         yield 0
         self.points, corners, middle = yield from quartered(
-            self.plan, self.points, some.corners, some.middle, self.allowance
+            self.plan, self.points, some.corners, some.middle, self.budget
         )
         yield 0
         cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
@@ -203,7 +205,7 @@ class Cutting:
 
         found = yield from self._cut(cells)
         yield 0
-        yield from self._settled(cells, found, is_last=True)
+        yield from self._accept(cells, found, is_last=True)
 
     def finished(self) -> Generator[int, None, CutPixels]:
         """Cut the remaining cells."""
@@ -212,7 +214,7 @@ class Cutting:
         of_last = yield from self._cut_last(last)
         triangles = np.concatenate([*self.triangles, of_last])
         quads, chaotic = np.concatenate(self.quads), np.concatenate(self.chaotic)
-        return CutPixels(self.points, quads, triangles, chaotic, self.allowance)
+        return CutPixels(self.points, quads, triangles, chaotic, self.budget)
 
     def _cut(self, cells: _Parts) -> Generator[int, None, _CutSamples]:
         """Cut cells on several branches, and compare all cells with their middles."""
@@ -231,24 +233,24 @@ class Cutting:
 
         # on several
         corners, middle = cells.corners[mixed], cells.middle[mixed]
-        cut = yield from cut_cells(plan, self.points, corners, self.allowance, middle)
+        cut = yield from cut_cells(plan, self.points, corners, self.budget, middle)
         self.points = cut.points
         yield 0
         off[mixed] = missed_by_pieces(
             plan, self.points, cut.pieces, cut.owner, self.points.at(middle)
         )
-        gaps, lacks = np.zeros((2, len(is_one)), bool)
+        gaps, is_over_budget = np.zeros((2, len(is_one)), bool)
         gaps[mixed] = has_gaps(self.points, corners, cut.pieces, cut.owner)
-        lacks[mixed] = cut.lacks
-        return _CutSamples(is_one, off, gaps, lacks, cut.pieces, mixed[cut.owner])
+        is_over_budget[mixed] = cut.is_over_budget
+        return _CutSamples(is_one, off, gaps, is_over_budget, cut.pieces, mixed[cut.owner])
 
-    def _settled(self, cells: _Parts, found: _CutSamples, is_last: bool) -> Steps[_Parts]:
+    def _accept(self, cells: _Parts, found: _CutSamples, is_last: bool) -> Steps[_Parts]:
         """Store the pieces; returns the cells to be quartered, none in the last round."""
         again = found.off > self.plan.settings.tolerance
 
         # sampled
-        is_tangled = found.has_gaps | (is_last & np.isinf(found.off))
-        is_sampled = found.lacks | (is_tangled & ~cells.is_calm)
+        is_unresolved = found.has_gaps | (is_last & np.isinf(found.off))
+        is_sampled = found.is_over_budget | (is_unresolved & ~cells.is_calm)
         self.chaotic.append(cells.corners[is_sampled])
 
         # used as they are
@@ -262,8 +264,8 @@ class Cutting:
         simple = again & (not is_last)
         parts = np.flatnonzero(simple)
         simple[parts] = ~(
-            yield from lack_quarters(
-                self.points, cells.corners[parts], cells.middle[parts], self.allowance
+            yield from quarters_exceed_budget(
+                self.points, cells.corners[parts], cells.middle[parts], self.budget
             )
         )
         yield 0
@@ -283,22 +285,22 @@ class Cutting:
         branch = self.points.branch[triangles]
         is_one = (branch == branch[:, :1]).all(axis=1)
         mixed = np.flatnonzero(~is_one)
-        found = yield from cut_cells(self.plan, self.points, triangles[mixed], self.allowance)
+        found = yield from cut_cells(self.plan, self.points, triangles[mixed], self.budget)
         self.points = found.points
         yield 0
 
         cell = np.arange(len(triangles)) % max(len(last), 1)
-        lacks = np.zeros(len(last), bool)
-        lacks[cell[mixed[found.lacks]]] = True
+        is_over_budget = np.zeros(len(last), bool)
+        is_over_budget[cell[mixed[found.is_over_budget]]] = True
         rough = np.concatenate(self.rough)
         has_rough = np.bincount(rough[:, 3], minlength=len(last)) > 0
-        self.chaotic.append(last[lacks & ~has_rough, :4])
+        self.chaotic.append(last[is_over_budget & ~has_rough, :4])
 
-        is_whole = is_one & ~lacks[cell] & (branch[:, 0] != 0)
+        is_whole = is_one & ~is_over_budget[cell] & (branch[:, 0] != 0)
         return np.concatenate([
             triangles[is_whole],
-            found.pieces[~lacks[cell[mixed[found.owner]]]],
-            rough[lacks[rough[:, 3]], :3],
+            found.pieces[~is_over_budget[cell[mixed[found.owner]]]],
+            rough[is_over_budget[rough[:, 3]], :3],
         ])  # fmt: skip
 
 

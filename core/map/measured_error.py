@@ -128,15 +128,17 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
 
 def _rms(off: Floats, area: Floats) -> float:
     """Root mean square of the finite errors (n,) over areas (n,)."""
-    known = np.isfinite(off)
-    return float(np.sqrt((area[known] * off[known] ** 2).sum() / max(area[known].sum(), TINY)))
+    is_finite = np.isfinite(off)
+    return float(
+        np.sqrt((area[is_finite] * off[is_finite] ** 2).sum() / max(area[is_finite].sum(), TINY))
+    )
 
 
 def _quantile(off: Floats, area: Floats, share: float) -> float:
     """Quantile of the finite errors (n,) over areas (n,); 0 without any."""
-    known = np.isfinite(off)
-    off = off[known]
-    area = area[known]
+    is_finite = np.isfinite(off)
+    off = off[is_finite]
+    area = area[is_finite]
     order = np.argsort(off)
     below = np.cumsum(area[order])
 

@@ -12,9 +12,9 @@ from ..base.arrays import Floats, transpose_rows
 from ..native.loading import library, loaded, n_threads
 from ..native.structures import DivisionStructure, Made, SumStructure
 
-LEAST_ROOM = 256  # shares
+LEAST_CAPACITY = 256  # shares
 GUESSED = 256  # cells used to estimate the shares of a lot, at least
-ROOMIER = 1.05  # room over the estimate: if it is too small, one thread continues alone
+CAPACITY_MARGIN = 1.05  # room over the estimate: if it is too small, one thread continues alone
 
 
 class Divided(NamedTuple):
@@ -61,10 +61,12 @@ def divided(
     pixels = index_type(display_size)
     made = [_lot_of(display_size, *lot) for lot in lots]
     divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))
-    rooms = [min(_guess(display_size, display) + LEAST_ROOM, at_once) for _, display in lots]
+    capacities = [
+        min(_estimate(display_size, display) + LEAST_CAPACITY, at_once) for _, display in lots
+    ]
     shares = [
-        _room_for(room, pixels, division, is_numbered)
-        for room, division in zip(rooms, divisions, strict=True)
+        _allocate(capacity, pixels, division, is_numbered)
+        for capacity, division in zip(capacities, divisions, strict=True)
     ]
     begun = _Begun(divisions, made, shares)
     return _parts_of(begun, pixels, at_once, is_numbered)
@@ -103,12 +105,12 @@ def _parts_of(
     kernel, shares = loaded(), begun.shares
     # one by one, if a lot needs more room
     for number, division in enumerate(begun.divisions):
-        room = division.room
+        capacity = division.room
         if division.n:
             yield number, _first_of(shares[number], division.n)
         while division.cell < division.n_cells:
-            room = min(2 * room, at_once)
-            shares[number] = _room_for(room, pixels, division, is_numbered)
+            capacity = min(2 * capacity, at_once)
+            shares[number] = _allocate(capacity, pixels, division, is_numbered)
             kernel.kiriko_divide(ctypes.addressof(division), 1)
             if division.n:
                 yield number, _first_of(shares[number], division.n)
@@ -118,12 +120,12 @@ def can_add(
     image: NDArray[np.floating], index: NDArray[np.integer], weights: NDArray[np.floating]
 ) -> bool:
     """Whether the kernel can add such weights to such an image."""
-    is_known = (
+    is_supported = (
         image.dtype == np.float64
         and index.dtype in (np.int32, np.int64)
         and image.flags.c_contiguous
     )
-    return library() is not None and is_known and index.shape == weights.shape == (len(index),)
+    return library() is not None and is_supported and index.shape == weights.shape == (len(index),)
 
 
 def add(*sums: tuple[Floats, NDArray[np.integer] | Floats, Floats]) -> None:
@@ -176,7 +178,7 @@ def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygo
     return made
 
 
-def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
+def _estimate(display_size: tuple[int, int], polygons: Floats) -> int:
     """Upper estimate of the number of shares of polygons (n, k, 2) on the display, from some of
     them.
 
@@ -191,10 +193,10 @@ def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
         width, height = np.clip(high, 0, size) - np.clip(low, 0, size)
         is_seen = ((high > 0) & (low < size)).all(axis=0)
         touched = np.where(is_seen, (width + 1) * (height + 1), 0)
-    return int(ROOMIER * n * np.nan_to_num(touched).sum() / max(len(some), 1))
+    return int(CAPACITY_MARGIN * n * np.nan_to_num(touched).sum() / max(len(some), 1))
 
 
-def _room_for(
+def _allocate(
     n: int, pixels: type[np.signedinteger], division: ctypes.Structure, is_numbered: bool
 ) -> Divided:
     """Arrays for n shares, as output of a division; they must live as long as it runs."""

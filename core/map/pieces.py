@@ -88,7 +88,7 @@ def squares_around(
     )
 
 
-def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Steps[Floats]:
+def kernel_widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Steps[Floats]:
     """Sides (s,), display px, of the squares lit by samples at viewer px (s, 2) with landings at
     display px (s, 2); 0 for landings outside the display, or none. With pauses.
     """

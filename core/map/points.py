@@ -16,7 +16,7 @@ from ..rig.viewer import Viewer
 RAYS_AT_ONCE = 1 << 14  # traced together if their paths or courses are recorded
 TRIANGLE_SLACK = 1e-9  # fraction of a triangle: its corners count as inside
 BYTES_OF_POINT = 100  # for each point of a map, and for its copy while more are added
-EVENTS_KEPT = 12  # stored events of a path
+MOST_EVENTS = 12  # stored events of a path
 PATHS_GROWTH = 1.5  # growth of the room for paths when it is full
 
 
@@ -52,10 +52,10 @@ class Points:
     @classmethod
     def joined(cls, parts: "Sequence[Points]") -> "Points":
         """Points of several sets, in order."""
-        return run_steps(cls.joining(parts))
+        return run_steps(cls.join_steps(parts))
 
     @classmethod
-    def joining(cls, parts: "Sequence[Points]") -> "Steps[Points]":
+    def join_steps(cls, parts: "Sequence[Points]") -> "Steps[Points]":
         """`joined`, with pauses: millions of points take a third of a second."""
         arrays = []
         for name in (f.name for f in fields(cls)):
@@ -68,50 +68,50 @@ class Paths:
     """Paths of traced rays, up to the twelfth event, in the order of the points.
 
     places : (n, m + 1, 3) m, the viewer first, NaN after the last; m as the longest path needs
-    met : (n, m) patches, -1 after the last
+    hits : (n, m) patches, -1 after the last
     reach : m, length of a path's last part if the ray leaves the rig
     """
 
     def __init__(self, reach: float) -> None:
         self.reach = reach
         self._n = 0
-        self._places, self._met = np.empty((0, 2, 3)), np.empty((0, 1), np.int32)
+        self._places, self._hits = np.empty((0, 2, 3)), np.empty((0, 1), np.int32)
 
     @property
     def places(self) -> Floats:
         return self._places[: self._n]
 
     @property
-    def met(self) -> Ints:
-        return self._met[: self._n]
+    def hits(self) -> Ints:
+        return self._hits[: self._n]
 
     def add(self, origins: Floats, steps: list[Step]) -> None:
         """Add the paths of rays from origins (n, 3)."""
-        steps = steps[:EVENTS_KEPT]
+        steps = steps[:MOST_EVENTS]
         first = self._n
         self._n += len(origins)
-        room, width = self._met.shape
-        if self._n > room or len(steps) > width:
-            larger = max(self._n, int(PATHS_GROWTH * room))
-            self._make_room(larger if self._n > room else room, max(len(steps), width))
+        capacity, width = self._hits.shape
+        if self._n > capacity or len(steps) > width:
+            larger = max(self._n, int(PATHS_GROWTH * capacity))
+            self._grow(larger if self._n > capacity else capacity, max(len(steps), width))
 
         places = self.places[first:]
-        met = self.met[first:]
-        places[:], met[:] = np.nan, -1
+        hits = self.hits[first:]
+        places[:], hits[:] = np.nan, -1
         places[:, 0] = origins
 
         for k, step in enumerate(steps):
             places[step.left, k + 1] = step.start + self.reach * step.direction
-            places[step.rays, k + 1], met[step.rays, k] = step.place, step.patch
+            places[step.rays, k + 1], hits[step.rays, k] = step.place, step.patch
 
-    def _make_room(self, n: int, m: int) -> None:
+    def _grow(self, n: int, m: int) -> None:
         """Extend the arrays to n rays and m events."""
         places = np.empty((n, m + 1, 3))
-        met = np.empty((n, m), np.int32)
-        for new, old, nothing in ((places, self._places, np.nan), (met, self._met, -1)):
+        hits = np.empty((n, m), np.int32)
+        for new, old, nothing in ((places, self._places, np.nan), (hits, self._hits, -1)):
             n_old, width = old.shape[:2]
             new[:n_old, :width], new[:n_old, width:] = old, nothing
-        self._places, self._met = places, met
+        self._places, self._hits = places, hits
 
 
 def trace_points(

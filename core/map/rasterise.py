@@ -39,11 +39,11 @@ from .cells import (
     THINNEST,
     Cells,
     centroid,
-    columns_of,
     corner_bounds,
     covariance_of,
     is_unfolded,
     signed_area,
+    split_xy,
     thickened,
     unfolded,
 )
@@ -197,7 +197,7 @@ def parts_by_rows(
     for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
         some = slice(start, start + POLYGONS_AT_ONCE)
         number = np.arange(start, start + len(display_polygons[some]))
-        cells = Cells(number, *columns_of(display_polygons[some]), *columns_of(view_polygons[some]))
+        cells = Cells(number, *split_xy(display_polygons[some]), *split_xy(view_polygons[some]))
         for part in _divide(cells, *display_size):
             place = np.stack([part.u, part.v], axis=1)
             pixel = part.pixel.astype(index_type(display_size))
@@ -279,19 +279,19 @@ def _spread(cells: Cells, display_area: Floats, width: int, height: int) -> Iter
 
     n_pixels = np.minimum(columns * rows, np.abs(total) + 2 * (columns + rows))
     for cell, row in _batches(rows.astype(np.int64), n_pixels):
-        first, widths, pieces = walk(np.take(outline, cell, axis=1), row)
-        moments = sums(widths, pieces)
+        first, n_columns, pieces = walk(np.take(outline, cell, axis=1), row)
+        moments = sums(n_columns, pieces)
 
         # only pixels with a part of a cell
-        of_row, step = ragged(widths)
+        of_row, step = ragged(n_columns)
         share = moments.area / total[cell][of_row]
-        kept = np.flatnonzero(share > SMALLEST)
-        moments = Moments(*(values[kept] for values in moments))
-        share = share[kept]
+        covered = np.flatnonzero(share > SMALLEST)
+        moments = Moments(*(values[covered] for values in moments))
+        share = share[covered]
 
-        of_row = of_row[kept]
+        of_row = of_row[covered]
         of_cell = cell[of_row]
-        column = first[of_row] + step[kept]
+        column = first[of_row] + step[covered]
         row = row[of_row]
 
         # centroid and covariance of each part
@@ -337,7 +337,7 @@ def _runs(cost: Floats) -> Iterator[tuple[int, int]]:
     yield from pairwise([0, *ends])
 
 
-NOWHERE = 1e300  # px, for edges outside a row
+FAR_AWAY = 1e300  # px, for edges outside a row
 
 
 def ragged(counts: Ints) -> tuple[Ints, Ints]:
@@ -391,18 +391,18 @@ def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, EdgeParts]:
     # columns of the row
     low = np.minimum(ends.xa, ends.xb)
     high = np.maximum(ends.xa, ends.xb)
-    is_there = ends.ya != ends.yb
-    away = NOWHERE * ~is_there
+    is_crossing = ends.ya != ends.yb
+    away = FAR_AWAY * ~is_crossing
     first = np.clip(np.floor((low + away).min(axis=0)), 0, last_column)
     last = np.clip(np.ceil((high - away).max(axis=0)) - 1, first, last_column)
-    widths = (last - first).astype(np.int64) + 1
-    starts = np.cumsum(widths) - widths
+    n_columns = (last - first).astype(np.int64) + 1
+    starts = np.cumsum(n_columns) - n_columns
 
     # columns of each edge, one piece in each: left of the window (column -1) counts as on its
     # border; an edge right of the row's columns adds nothing
     begin = np.clip(np.floor(low), -1, last_column + 1)
     end = np.clip(np.floor(high), -1, last)
-    of_edge, step = ragged((is_there * np.maximum(end - begin + 1, 0)).astype(np.int64).ravel())
+    of_edge, step = ragged((is_crossing * np.maximum(end - begin + 1, 0)).astype(np.int64).ravel())
 
     def of_piece(values: NDArray) -> NDArray:
         return np.take(values.ravel(), of_edge)
@@ -419,7 +419,7 @@ def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, EdgeParts]:
     is_left = (
         np.flatnonzero((of_piece(begin) < 0) & (step == 0)) if begin.min(initial=0) < 0 else ()
     )
-    return first.astype(np.int64), widths, _cut(edges, of_piece(slope_y), is_left)
+    return first.astype(np.int64), n_columns, _cut(edges, of_piece(slope_y), is_left)
 
 
 class _Ends(NamedTuple):
@@ -473,7 +473,7 @@ def _cut(edges: EdgeParts, slope_y: Floats, is_left: Ints | tuple[()]) -> EdgePa
     return EdgeParts(pixel, ua, ya, ub, yb)
 
 
-def sums(widths: Ints, pieces: EdgeParts) -> Moments:
+def sums(n_columns: Ints, pieces: EdgeParts) -> Moments:
     """Signed area (n,) of the cell in each pixel of its rows, and its moments of x, y, x^2, x y and
     y^2.
 
@@ -482,7 +482,7 @@ def sums(widths: Ints, pieces: EdgeParts) -> Moments:
     with 0, edges further right with 1. As dy sums to 0 along a row, and y^m dy too, the last group
     is minus the cover: the sum up to and including the pixel.
     """
-    n = int(widths.sum())
+    n = int(n_columns.sum())
     pixel, xa, ya, xb, yb = pieces
 
     # symmetric sums of both ends
@@ -498,9 +498,9 @@ def sums(widths: Ints, pieces: EdgeParts) -> Moments:
         return np.bincount(pixel, values, n)
 
     # edges further left
-    cover = _along_rows(of_pixel(dy), widths)
-    cover_y = _along_rows(of_pixel(dy * ys * 0.5), widths)
-    cover_yy = _along_rows(of_pixel(dy * (ys * ys + yy) * (1 / 6)), widths)
+    cover = _along_rows(of_pixel(dy), n_columns)
+    cover_y = _along_rows(of_pixel(dy * ys * 0.5), n_columns)
+    cover_yy = _along_rows(of_pixel(dy * (ys * ys + yy) * (1 / 6)), n_columns)
 
     return Moments(
         area=of_pixel(dy * xs * 0.5) - cover,
@@ -512,8 +512,8 @@ def sums(widths: Ints, pieces: EdgeParts) -> Moments:
     )
 
 
-def _along_rows(values: Floats, widths: Ints) -> Floats:
+def _along_rows(values: Floats, n_columns: Ints) -> Floats:
     """Cumulative sums within each row."""
     sums = np.cumsum(values)
-    before = np.concatenate([[0.0], sums[np.cumsum(widths)[:-1] - 1]])
-    return sums - np.repeat(before, widths)
+    before = np.concatenate([[0.0], sums[np.cumsum(n_columns)[:-1] - 1]])
+    return sums - np.repeat(before, n_columns)

@@ -16,7 +16,7 @@ from ..light.plan import Plan
 
 TIMES_EFFORT = 24  # rays, for each display pixel of a viewer pixel
 # reserved for rays that make no map: to measure it, and to look for glare
-APART = 4
+OTHER_RAYS = 4
 N_QUARTERS = 4  # of a pixel: one ray each if it is sampled
 
 
@@ -34,9 +34,9 @@ class RayBudget:
         """The budget after rays at viewer px (n, 2)."""
         viewer = plan.viewer
         self.size = (viewer.width, viewer.height)
-        self.kept = max(plan.settings.samples_along**2, N_QUARTERS)
+        self.reserve = max(plan.settings.samples_along**2, N_QUARTERS)
 
-        most = most_rays(plan) - APART
+        most = most_rays(plan) - OTHER_RAYS
         # places on the lower and the right border belong to pixels beyond
         self.left = np.full((viewer.width + 1) * (viewer.height + 1), most, np.int64)
         self.take(view)
@@ -46,7 +46,7 @@ class RayBudget:
         n_rays = np.broadcast_to(n_rays, len(view))
         np.subtract.at(self.left, self._pixel(view), n_rays)
 
-    def lacks(self, view: Floats, n_rays: Ints | int = 1) -> Bools:
+    def exceeds(self, view: Floats, n_rays: Ints | int = 1) -> Bools:
         """Mask of rays (n,) at viewer px (n, 2) beyond the budget of their pixel, served row by
         row.
         """
@@ -54,14 +54,14 @@ class RayBudget:
         n_rays = np.broadcast_to(n_rays, len(view))
         # the order matters only in pixels with too many in total
         in_all = np.bincount(pixel, n_rays)
-        some = np.flatnonzero(in_all[pixel] > self.left[pixel] - self.kept)
+        some = np.flatnonzero(in_all[pixel] > self.left[pixel] - self.reserve)
         order = some[np.lexsort((*view[some].T, pixel[some]))]
         pixel = pixel[order]
-        asked = np.cumsum(n_rays[order])
-        before = np.append(0, asked)[np.searchsorted(pixel, pixel)]
+        total = np.cumsum(n_rays[order])
+        before = np.append(0, total)[np.searchsorted(pixel, pixel)]
 
         found = np.zeros(len(view), bool)
-        found[order] = asked - before > self.left[pixel] - self.kept
+        found[order] = total - before > self.left[pixel] - self.reserve
         return found
 
     def _pixel(self, view: Floats) -> Ints:

@@ -85,9 +85,9 @@ def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
         yield 0
 
     for kind in cut:
-        asked = kind[~view_map.is_beside_glass(kind[:, 0])]
-        for first in range(0, len(asked), QUADS_AT_ONCE):
-            corners = asked[first : first + QUADS_AT_ONCE].T
+        requested = kind[~view_map.is_beside_glass(kind[:, 0])]
+        for first in range(0, len(requested), QUADS_AT_ONCE):
+            corners = requested[first : first + QUADS_AT_ONCE].T
             view, display = (
                 np.stack([take(places, corner) for corner in corners])
                 for places in (view_map.points.view, view_map.points.xy)
@@ -125,46 +125,46 @@ def samples_worth(
     yield 0
 
     worth = np.zeros(len(pixels))
-    for is_told in (is_black, ~is_black):
-        tells = ~is_told[of_sample]
-        lit = np.flatnonzero(tells & is_lit)
+    for is_rated in (is_black, ~is_black):
+        rates = ~is_rated[of_sample]
+        lit = np.flatnonzero(rates & is_lit)
         block = _block_of(points.xy[lit], size)
 
         # all light, if the others' samples are like these
-        times = area.sum() / max(area[tells].sum(), TINY)
+        times = area.sum() / max(area[rates].sum(), TINY)
         on_block = light + np.bincount(block, times * area[lit], len(light))
 
         # sums over pixels, and over the pixels around each
         of_light = area[lit] * (even / on_block[block]) ** 2
         sums = np.bincount(of_sample[lit], of_light, len(pixels))
-        areas = np.bincount(of_sample[tells], area[tells], len(pixels))
-        around = np.zeros((2, int(is_told.sum())))
+        areas = np.bincount(of_sample[rates], area[rates], len(pixels))
+        around = np.zeros((2, int(is_rated.sum())))
         for x, y in AROUND:
-            asked = pixels[is_told] + x + y * row_length
-            at = np.minimum(np.searchsorted(pixels, asked), len(pixels) - 1)
-            around += np.where(pixels[at] == asked, [sums[at], areas[at]], 0.0)
-        worth[is_told] = around[0] / np.maximum(around[1], TINY)
+            requested = pixels[is_rated] + x + y * row_length
+            at = np.minimum(np.searchsorted(pixels, requested), len(pixels) - 1)
+            around += np.where(pixels[at] == requested, [sums[at], areas[at]], 0.0)
+        worth[is_rated] = around[0] / np.maximum(around[1], TINY)
         yield 0
     return plan.settings.samples_along**2 * np.sqrt(worth[of_cell])
 
 
 def further_along(
-    worth: Floats, middle: Floats, side: Floats, along: int, allowance: RayBudget
+    worth: Floats, middle: Floats, side: Floats, along: int, budget: RayBudget
 ) -> Ints:
     """Further samples (m,) along a pixel's side of cells, besides `along`, 0 for none: the largest
     number within their worth.
 
     worth : (m,) samples for a pixel
     middle, side : (m, 2), (m,) viewer px
-    allowance : the rays are taken from the budget of their pixels
+    budget : the rays are taken from the budget of their pixels
     """
     found = np.zeros(len(worth), np.int64)
     for n in reversed(numbers_along(along)):
         some = np.flatnonzero((found == 0) & (worth >= along**2 + n**2))
         n_rays = np.maximum((n * side[some]).astype(np.int64), 1) ** 2
-        lacks = allowance.lacks(middle[some], n_rays)
-        some = some[~lacks]
-        allowance.take(middle[some], n_rays[~lacks])
+        exceeds = budget.exceeds(middle[some], n_rays)
+        some = some[~exceeds]
+        budget.take(middle[some], n_rays[~exceeds])
         found[some] = n
     return found
 
@@ -199,13 +199,13 @@ class Samples(NamedTuple):
 
 
 def sample_cells(
-    plan: Plan, view_map: ViewMap, corners: Floats, allowance: RayBudget | None
+    plan: Plan, view_map: ViewMap, corners: Floats, budget: RayBudget | None
 ) -> Generator[int, None, Samples]:
     """Trace samples of square cells with corners (m, 4, 2), viewer px; yields the number of rays
     traced since.
 
     view_map : all but the samples
-    allowance : ray budget for further samples of faint light; None for none
+    budget : ray budget for further samples of faint light; None for none
 
     Raises
     ------
@@ -218,7 +218,7 @@ def sample_cells(
     samples = Samples(points, area, np.sqrt(area))
 
     whole = _sides(corners) ** 2
-    if allowance is None or not may_take_more(plan, float(whole.sum())):
+    if budget is None or not may_take_more(plan, float(whole.sum())):
         return samples
 
     # cells worth more
@@ -226,20 +226,20 @@ def sample_cells(
     middle = corners.mean(axis=1)
     light = yield from light_on_blocks(view_map)
     worth = yield from samples_worth(plan, light, points, area, owner, middle)
-    more = further_along(worth, middle, _sides(corners), along, allowance)
-    asked = [(n, np.flatnonzero(more == n)) for n in np.unique(more[more > 0])]
-    if not asked:
+    more = further_along(worth, middle, _sides(corners), along, budget)
+    requested = [(n, np.flatnonzero(more == n)) for n in np.unique(more[more > 0])]
+    if not requested:
         return samples
 
     # new random numbers: those before have decided on the cells
-    n_rays = sum(n_strata(corners[cells], n) for n, cells in asked)
+    n_rays = sum(n_strata(corners[cells], n) for n, cells in requested)
     _check_memory(plan, len(points) + n_rays)
-    parts = [strata(corners[cells], n, seed=1) for n, cells in asked]
+    parts = [strata(corners[cells], n, seed=1) for n, cells in requested]
     places, area = map(np.concatenate, zip(*parts, strict=True))
     found = yield from trace_points(plan, places)
 
     # all samples of a cell count alike
-    of_found = [cells[_cells_of(corners[cells], n)] for n, cells in asked]
+    of_found = [cells[_cells_of(corners[cells], n)] for n, cells in requested]
     owner = np.concatenate([owner, *of_found])
     yield 0
     share = whole / np.bincount(owner, minlength=len(whole))

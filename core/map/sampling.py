@@ -23,7 +23,7 @@ from .cutting import CutPixels, Cutting
 from .measured_error import checked
 from .points import Paths, Points, is_seen, trace_points
 from .samples import n_strata, sample_cells
-from .smooth_cells import CHECKS, COLUMN, PARTS, ROW, Squares, is_beside_display
+from .smooth_cells import CHECKS, COLUMN, PARTS, ROW, Squares, are_off_display
 from .view_map import ViewMap
 
 Result = TypeVar("Result")
@@ -164,26 +164,26 @@ class Sampling:
         is_dark = is_one & (branch[:, 0] == 0)
         is_one &= ~is_dark
 
-        is_aside = is_beside_display(xy, branch, np.array(self.display_size))
-        is_smooth = is_one & ~is_aside
+        is_off_display = are_off_display(xy, branch, np.array(self.display_size))
+        is_smooth = is_one & ~is_off_display
         expected = smooth_cells.expected_error(xy[is_smooth])
         is_smooth[is_smooth] = (expected <= self.allowed) | (squares.size[is_smooth] == PARTS)
 
         # lost in different ways: something between may be visible
         large = np.flatnonzero(is_dark & (squares.size > DARK_SIDE_PX))
-        met = self.paths.met[nodes[large]]
-        is_dark[large] = (met == met[:, :1]).all(axis=(1, 2))
+        hits = self.paths.hits[nodes[large]]
+        is_dark[large] = (hits == hits[:, :1]).all(axis=(1, 2))
 
         # undecided if something passes close by
-        settled = np.flatnonzero(is_smooth | is_dark | is_aside)
-        touched = settled[(yield from self._is_touched(squares.at(settled)))]
-        is_smooth[touched] = is_dark[touched] = is_aside[touched] = False
-        return is_smooth, is_dark | is_aside
+        decided = np.flatnonzero(is_smooth | is_dark | is_off_display)
+        touched = decided[(yield from self._is_touched(squares.at(decided)))]
+        is_smooth[touched] = is_dark[touched] = is_off_display[touched] = False
+        return is_smooth, is_dark | is_off_display
 
     def _is_touched(self, squares: Squares) -> Steps[Bools]:
         """Whether something is close to the rays of squares (n,), but was hit by none of them."""
         paths, nodes = self.paths, self._at_nodes(squares)
-        return (yield from self.plan.thin_parts().touch(paths.places, paths.met, nodes))
+        return (yield from self.plan.thin_parts().touch(paths.places, paths.hits, nodes))
 
     def _bent(self, squares: Squares) -> Floats:
         """Approximate error (n,), display px, of the pixels of the smallest squares, quartered as
@@ -218,12 +218,12 @@ class Sampling:
         column, row = finest.nodes()
         at = np.flatnonzero((COLUMN < PARTS) & (ROW < PARTS))
         corners = np.stack([at, at + 1, at + PARTS + 2, at + PARTS + 1], axis=1)
-        is_there = (column[:, at] < self.view_size[0]) & (row[:, at] < self.view_size[1])
-        cells = self._at_nodes(finest)[:, corners][is_there]
+        is_inside = (column[:, at] < self.view_size[0]) & (row[:, at] < self.view_size[1])
+        cells = self._at_nodes(finest)[:, corners][is_inside]
 
         # pixels that may show something
         by_row = cells[:, [0, 1, 3, 2]]
-        is_aside = is_beside_display(
+        is_off_display = are_off_display(
             take(self.points.xy, by_row), self.points.branch[by_row], np.array(self.display_size)
         )
 
@@ -232,10 +232,10 @@ class Sampling:
         is_lost = (self.points.reason == Reason.MISSED_GLASS) & (self.points.branch == 0)
         is_beside_glass = is_lost[cells].all(axis=1)
         is_touched = yield from self._is_touched(finest)
-        is_beside_glass &= ~np.broadcast_to(is_touched[:, None], is_there.shape)[is_there]
+        is_beside_glass &= ~np.broadcast_to(is_touched[:, None], is_inside.shape)[is_inside]
 
-        is_seen = ~is_aside & ~is_beside_glass
-        square = np.broadcast_to(np.arange(len(finest))[:, None], is_there.shape)[is_there]
+        is_seen = ~is_off_display & ~is_beside_glass
+        square = np.broadcast_to(np.arange(len(finest))[:, None], is_inside.shape)[is_inside]
         cells, square = cells[is_seen], square[is_seen]
         yield 0
 
@@ -253,8 +253,8 @@ class Sampling:
             tolerance=self.tolerance,
         )
         chaotic = pieces.points.view[pieces.chaotic]
-        allowance = None if self.is_coarse else pieces.allowance
-        work = sample_cells(self.plan, view_map, chaotic, allowance)
+        budget = None if self.is_coarse else pieces.budget
+        work = sample_cells(self.plan, view_map, chaotic, budget)
         n_rays = n_strata(chaotic, self.plan.settings.samples_along)
         view_map = view_map.with_samples(*(yield from self._during(self.samples, work, n_rays)))
         view_map = replace(view_map, unchecked=None if self.is_coarse else cells)

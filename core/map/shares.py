@@ -186,7 +186,7 @@ class ShareBatches:
         self.has_throughput = has_throughput
         self.has_path = has_path
         self._pieces = pieces
-        self._kept: list[Shares] | None = None
+        self._cached: list[Shares] | None = None
         self._n = 0
         self.n_sharing = 1  # batches in the memory of MOST_KEPT
         self.n_divided = 0  # cells, in the current pass
@@ -198,7 +198,7 @@ class ShareBatches:
     @property
     def are_kept(self) -> bool:
         """Whether all shares are made and cached."""
-        return self._kept is not None
+        return self._cached is not None
 
     def share_memory(self, n: int) -> None:
         """Limit the cache to an n-th of MOST_KEPT."""
@@ -208,7 +208,7 @@ class ShareBatches:
 
     def let_go(self) -> None:
         """Clear the cache: shares are made again for their next use."""
-        self._kept = None
+        self._cached = None
 
     def __iter__(self) -> Iterator[Shares]:
         return (shares for shares in self.pausing() if shares is not None)
@@ -216,22 +216,22 @@ class ShareBatches:
     def pausing(self) -> Iterator[Shares | None]:
         """All batches; None is a pause before the next one."""
         if self.are_kept:
-            yield from self._kept
+            yield from self._cached
             return
 
         n = 0
-        kept = []
+        cached = []
         most = MOST_KEPT // self.n_sharing
 
         for shares in self._made():
             if shares is not None:
                 n += len(shares)
-                kept = [*kept, shares] if n <= most else []
+                cached = [*cached, shares] if n <= most else []
             yield shares
 
         self._n = n
         if n <= most:
-            self._kept = kept
+            self._cached = cached
 
     def _made(self) -> Iterator[Shares | None]:
         """Divide all cells; small batches are joined with the next; None is a pause."""

@@ -91,7 +91,7 @@ class Squares:
         return is_shown & (self.corner + self.size[:, None] <= view_size).all(axis=1)
 
 
-def is_beside_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
+def are_off_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
     """Mask of squares (n,), with nodes landing at (n, k, 2) on branches (n, k), that show nothing
     of the display: all landings are on one branch, and outside the display on one side.
     """

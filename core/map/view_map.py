@@ -16,7 +16,7 @@ from ..base.steps import Steps, run_steps
 from ..light.rays import Reason
 from . import smooth_cells
 from .cells import count_shares
-from .pieces import Piece, polygons, quads_of, squares_around, widths
+from .pieces import Piece, kernel_widths, polygons, quads_of, squares_around
 from .points import Points, in_triangles, is_in_image
 from .smooth_cells import CORNERS, PARTS, Squares, bilinear, n_parts
 
@@ -62,7 +62,7 @@ class Lookup:
         # in quarters and in other pieces of pixels
         for pieces in (self.quads[~self._are_pixels], self.triangles):
             inside = in_triangles if pieces.shape[1] == 3 else in_quarters
-            pieces, of_pixel = self._those_in(pieces, pixel)
+            pieces, of_pixel = self._pieces_in(pieces, pixel)
             yield 0
             for some, k in _each_in(of_pixel, pixel):
                 rays = in_image[some]
@@ -73,19 +73,19 @@ class Lookup:
 
         return found
 
-    def nearest_samples(self, xy: Floats, is_asked: Bools) -> tuple[Ints, Ints]:
+    def nearest_samples(self, xy: Floats, is_requested: Bools) -> tuple[Ints, Ints]:
         """Requested viewer pixels (n,) within a stratum's side of a sample, and the point of the
         nearest one.
 
         xy : (n, 2) viewer px
         """
         order, of_pixel = self._samples_by_pixel
-        asked = np.flatnonzero(is_asked & is_in_image(xy, self.view_size))
+        requested = np.flatnonzero(is_requested & is_in_image(xy, self.view_size))
         nearest = np.full(len(xy), -1)
         best = np.full(len(xy), np.inf)
 
-        for some, k in _each_in(of_pixel, self._pixel(xy[asked])):
-            rays = asked[some]
+        for some, k in _each_in(of_pixel, self._pixel(xy[requested])):
+            rays = requested[some]
             number = order[k]
             off = np.abs(self.points.view[self.samples[number]] - xy[rays]).max(axis=1)
             is_nearer = off <= np.minimum(best[rays], self.sample_reach[number])
@@ -115,19 +115,19 @@ class Lookup:
         owner[row, column] = -2 - pixels
         return owner
 
-    def _those_in(self, pieces: Ints, pixels: Ints) -> tuple[Ints, Ints]:
+    def _pieces_in(self, pieces: Ints, pixels: Ints) -> tuple[Ints, Ints]:
         """Pieces (n, k) in pixels (p,), by number, and the pixel (n,) of each, sorted."""
         w, h = self.view_size
-        is_asked = np.zeros((h, w), bool)
-        is_asked.ravel()[pixels] = True
+        is_requested = np.zeros((h, w), bool)
+        is_requested.ravel()[pixels] = True
         # preselect by one corner: it lies in the pixel, or on its right or lower border
-        is_near = is_asked.copy()
-        is_near[:, 1:] |= is_asked[:, :-1]
+        is_near = is_requested.copy()
+        is_near[:, 1:] |= is_requested[:, :-1]
         is_near[1:] |= is_near[:-1].copy()
         corner = self._pixel(take(self.points.view, pieces[:, 0]))
         pieces = pieces[is_near.ravel()[corner]]
         of_piece = self._pixel(mean_at(self.points.view, pieces))
-        some = np.flatnonzero(is_asked.ravel()[of_piece])
+        some = np.flatnonzero(is_requested.ravel()[of_piece])
         some = some[np.argsort(of_piece[some], kind="stable")]
         return pieces[some], of_piece[some]
 
@@ -169,9 +169,9 @@ def filled(
         row = row[:, :, None]
         column = column[:, None, :]
 
-        is_there = (row < image.shape[0]) & (column < image.shape[1])
+        is_inside = (row < image.shape[0]) & (column < image.shape[1])
         row, column, value = (
-            a[is_there] for a in np.broadcast_arrays(row, column, values[some][:, None, None])
+            a[is_inside] for a in np.broadcast_arrays(row, column, values[some][:, None, None])
         )
         image[row, column] = value
 
@@ -295,13 +295,16 @@ class ViewMap:
 
     def _spreading(self) -> Steps[Floats]:
         is_landed = self.points.branch[self.samples] != 0
-        is_beside = self.is_beside_glass(self.samples)
+        is_past_glass = self.is_beside_glass(self.samples)
         found = np.zeros(len(self.samples))
         # light through the glass and light past it are never mixed
-        for some in (np.flatnonzero(is_landed & ~is_beside), np.flatnonzero(is_landed & is_beside)):
+        for some in (
+            np.flatnonzero(is_landed & ~is_past_glass),
+            np.flatnonzero(is_landed & is_past_glass),
+        ):
             number = self.samples[some]
             view, xy = (take(of, number) for of in (self.points.view, self.points.xy))
-            found[some] = yield from widths(view, xy, self.display_size)
+            found[some] = yield from kernel_widths(view, xy, self.display_size)
         return found
 
     @property
@@ -361,26 +364,26 @@ class ViewMap:
         """
         # smooth cells, by the number of their quads
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
-        asked = np.flatnonzero(self.is_beside_glass(self.nodes[:, 0]) == beside)
-        for m, cells in each_value(parts[asked]):
+        requested = np.flatnonzero(self.is_beside_glass(self.nodes[:, 0]) == beside)
+        for m, cells in each_value(parts[requested]):
             step = max(1, QUADS_AT_ONCE // m**2)
             for first in range(0, len(cells), step):
-                yield self._quads_of(asked[cells[first : first + step]], m)
+                yield self._quads_of(requested[cells[first : first + step]], m)
 
         # cut pixels
         for kind in (self.quads, self.triangles):
-            asked = kind[self.is_beside_glass(kind[:, 0]) == beside]
-            for first in range(0, len(asked), QUADS_AT_ONCE):
-                yield polygons(self.points, asked[first : first + QUADS_AT_ONCE])
+            requested = kind[self.is_beside_glass(kind[:, 0]) == beside]
+            for first in range(0, len(requested), QUADS_AT_ONCE):
+                yield polygons(self.points, requested[first : first + QUADS_AT_ONCE])
 
         if not sampled:
             return
 
         # samples
         is_lit = self.sample_width > 0
-        asked = np.flatnonzero(is_lit & (self.is_beside_glass(self.samples) == beside))
-        for first in range(0, len(asked), QUADS_AT_ONCE):
-            some = asked[first : first + QUADS_AT_ONCE]
+        requested = np.flatnonzero(is_lit & (self.is_beside_glass(self.samples) == beside))
+        for first in range(0, len(requested), QUADS_AT_ONCE):
+            some = requested[first : first + QUADS_AT_ONCE]
             samples = self.points.at(self.samples[some])
             area, width = self.sample_area[some], self.sample_width[some]
             yield squares_around(samples, area, width, self.display_size)

@@ -208,13 +208,13 @@ TAIL = [
     ),
     Row(
         "Exact splines",
-        (instead("glass.subdivided.looking_for_splines", _giving(None)),),
+        (instead("glass.subdivided.spline_steps", _giving(None)),),
         "no grid is taken for splines",
         "meant: wine glass by one level",
     ),
     Row(
         "Exact limit around poles",
-        (instead("glass.subdivided.looking_for_subdivided", _giving(None)),),
+        (instead("glass.subdivided.subdivided_steps", _giving(None)),),
         "no quads around poles are taken for subdivided ones",
         "meant: bodies that end on their axis",
     ),
@@ -238,7 +238,7 @@ TAIL = [
     ),
     Row(
         "Lines of the mesh",
-        (Change("glass.trust.look_along_lines", _no_lines),),
+        (Change("glass.trust.line_steps", _no_lines),),
         "no vertex lies on a smooth line: only jumps of normals decide",
         "irregular: coarse ellipsoids and tori",
     ),
@@ -303,7 +303,7 @@ TAIL = [
 MAP = [
     Row(
         "Cutting: quarters of pixels",
-        (Change("map.cutting.lack_quarters", _all_lack),),
+        (Change("map.cutting.quarters_exceed_budget", _all_lack),),
         "no pixel is quartered",
     ),
     Row(
@@ -360,7 +360,7 @@ MAP = [
 GLASS = [
     Row(
         "Normals found from vertices",
-        (instead("glass.surface_fit.finding_normals", _as_given),),
+        (instead("glass.surface_fit.normal_steps", _as_given),),
         "means of the faces around are taken for normals",
         "surface: orders of convergence",
     ),
@@ -386,7 +386,7 @@ GLASS = [
         protects="irregular: decimated and bevelled meshes",
         least_cosine=(-1.0, "a face may turn away from its facet"),
         swollen=(INF, "no face is swollen"),
-        untold=(INF, "no face stands out"),
+        extra_bulge=(INF, "no face stands out"),
     ),
     *_option_rows(
         "glass.fitted_faces.FACE",
@@ -418,7 +418,7 @@ GLASS = [
         chance=(0.0, "no vertex is worth it by chance"),
     ),
     *_option_rows(
-        "glass.bounding_shell.HULL",
+        "glass.bounding_shell.SHELL",
         "Hull",
         angle=(INF, "no turn divides a face"),
         uneven=(0.0, "only turns across count"),

@@ -13,7 +13,7 @@ import pytest
 from kiriko.core.base.steps import run_steps
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.map import measured_error, sampling
-from kiriko.core.map.ray_budget import APART, TIMES_EFFORT, RayBudget, most_rays
+from kiriko.core.map.ray_budget import OTHER_RAYS, TIMES_EFFORT, RayBudget, most_rays
 from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings
@@ -73,7 +73,7 @@ def hard(name):
 @pytest.mark.parametrize("name", HARD)
 def test_no_pixel_takes_more_rays_than_are_allowed(name, effort):
     """For its map, less than the rays kept for others, at the default and at a fine tolerance."""
-    most = TIMES_EFFORT * effort - APART
+    most = TIMES_EFFORT * effort - OTHER_RAYS
     assert rays_of_pixels(hard(name), Settings(effort=effort)).max() <= most
     fine = Settings(effort=effort, tolerance=0.001)
     assert rays_of_pixels(hard(name), fine).max() <= most
@@ -100,7 +100,7 @@ def test_a_finer_viewer_takes_no_more_for_it():
 
 def test_a_pixel_may_take_all_that_it_is_allowed():
     """Where borders are many and Effort is little, nearly all rays are taken."""
-    most = TIMES_EFFORT * 2 - APART
+    most = TIMES_EFFORT * 2 - OTHER_RAYS
     assert rays_of_pixels(hard("hollow bottle"), Settings(effort=2)).max() > 0.8 * most
 
 
@@ -148,12 +148,12 @@ def test_an_allowance_is_taken_row_by_row():
     """Of rays that are asked for at once the first are allowed, as many as are left."""
     plan = compile_plan(ball_rig(1, pixels=8, display_pixels=8), Settings(effort=1))
     allowance = RayBudget(plan, np.array([[2.5, 3.5]]))
-    left = TIMES_EFFORT - APART - 1
+    left = TIMES_EFFORT - OTHER_RAYS - 1
     view = np.array([[2.5, 3.9], [2.1, 3.1], [2.9, 3.1], [7.0, 7.0]])
     n_rays = np.array([1, left - 6, 2, left - 4])
     # four are kept, one for each quarter
-    assert allowance.lacks(view, n_rays).tolist() == [True, False, False, False]
-    assert allowance.lacks(view[:1], left - 3).tolist() == [True]
-    assert allowance.lacks(view[:1], left - 4).tolist() == [False]
+    assert allowance.exceeds(view, n_rays).tolist() == [True, False, False, False]
+    assert allowance.exceeds(view[:1], left - 3).tolist() == [True]
+    assert allowance.exceeds(view[:1], left - 4).tolist() == [False]
     allowance.take(view[:3], n_rays[:3])
-    assert allowance.lacks(view).tolist() == [True, True, True, False]
+    assert allowance.exceeds(view).tolist() == [True, True, True, False]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import run_steps
-from kiriko.core.glass.bounding_shell import HULL, bounding_shell_steps, edge_turns
+from kiriko.core.glass.bounding_shell import SHELL, bounding_shell_steps, edge_turns
 from kiriko.core.glass.meshes import areas_of
 from kiriko.core.glass.surfaces import make_surface
 from known.catmull_clark import LATHE, lathe_cage, limit_mesh
@@ -88,7 +88,7 @@ def test_edges_are_halved_no_more_often_than_their_turn_needs():
 
 def test_a_ball_of_many_faces_has_a_part_for_each():
     curved, hull = hull_of(icosphere(0.025, 5))
-    assert edge_turns(curved).max() < HULL.angle
+    assert edge_turns(curved).max() < SHELL.angle
     assert np.array_equal(np.sort(hull.triangle), curved.triangle)
 
 

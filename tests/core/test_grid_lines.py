@@ -9,7 +9,7 @@ import pytest
 
 from kiriko.core.base.steps import run_steps
 from kiriko.core.glass.fitted_faces import tangent_planes
-from kiriko.core.glass.grid_lines import look_along_lines
+from kiriko.core.glass.grid_lines import line_steps
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
@@ -29,7 +29,7 @@ def looked_at(mesh):
     """How far the vertices (v,) are off smooth lines, m, and how coarse these are."""
     v, _ = vertices_and_edges(mesh)
     size = tangent_planes(v).size
-    lines = run_steps(look_along_lines(v, size))
+    lines = run_steps(line_steps(v, size))
     return lines.scatter * size, lines.phase
 
 

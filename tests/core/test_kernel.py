@@ -826,7 +826,7 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     whole = rasterise(size, (2, 2), view, quads, throughput)
 
     assert len(whole) > 0.8 * width * height
-    monkeypatch.setattr(native_divide, "LEAST_ROOM", 0)
+    monkeypatch.setattr(native_divide, "LEAST_CAPACITY", 0)
     for at_once in (1000, 257):
         monkeypatch.setattr(map_rasterise, "SHARES_AT_ONCE", at_once)
         parts = [
@@ -1168,7 +1168,7 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     before = coefficients.copy()
     settled = normals.copy()
     fit.fit_fields(wanted, RIDGE, coefficients)
-    run_steps(fit.settling_normals(wanted, RIDGE, settled, 5, 1e-10))
+    run_steps(fit.settle_normal_steps(wanted, RIDGE, settled, 5, 1e-10))
     for values, others in ((coefficients, before), (settled, normals)):
         assert np.array_equal(values[~wanted], others[~wanted], equal_nan=True)
 

@@ -10,7 +10,7 @@ import pytest
 from kiriko.core.base.steps import run_steps
 from kiriko.core.glass.meshes import find_edges, find_joined, geometric_normals
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.glass.vertices import find_vertices, seen_across
+from kiriko.core.glass.vertices import find_vertices, with_second_ring
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
@@ -181,7 +181,7 @@ def vertices_of(mesh):
 def test_closed_bodies_have_no_rim():
     """All is as if rims were not looked for."""
     v = vertices_of(mean_normals(icosphere(0.025, 2)))
-    assert seen_across(v) is v
+    assert with_second_ring(v) is v
 
 
 def test_one_row_of_faces_has_no_rim():
@@ -192,7 +192,7 @@ def test_one_row_of_faces_has_no_rim():
     tip = [(APERTURE, 0), (0, HIGH / 3)]
     for profile in (side, tip):
         v = vertices_of(lathe([profile], 32))
-        across = seen_across(v)
+        across = with_second_ring(v)
         assert not across.rim.any()
         assert np.array_equal(across.end, v.end)
 
@@ -217,7 +217,7 @@ def test_the_end_of_a_sharp_edge_is_at_no_rim():
     )
     facets = geometric_normals(mesh.corners)
     is_usable = np.einsum("tij,tj->ti", mesh.corner_normals, facets) > 0
-    cut = seen_across(
+    cut = with_second_ring(
         find_vertices(
             mesh.vertices, mesh.triangles, mesh.corner_normals, is_usable, edges, is_joined
         )

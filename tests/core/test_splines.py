@@ -7,7 +7,7 @@ import pytest
 
 from kiriko.core.base.steps import run_steps
 from kiriko.core.glass import surface_fit
-from kiriko.core.glass.splines import find_quad_lines, looking_for_splines
+from kiriko.core.glass.splines import find_quad_lines, spline_steps
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
@@ -21,7 +21,7 @@ from known.reference_rigs import mean_normals, rig, split_quads, torus
 def looked_for(mesh):
     """Its vertices, and where it lies on splines."""
     v, edges = vertices_and_edges(mesh)
-    return v, run_steps(looking_for_splines(v, find_quad_lines(v, edges, mesh.polygon)))
+    return v, run_steps(spline_steps(v, find_quad_lines(v, edges, mesh.polygon)))
 
 
 def grid_mesh(places):

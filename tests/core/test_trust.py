@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.glass import trust
-from kiriko.core.glass.agreement import Trial
+from kiriko.core.glass.agreement import ErrorEstimate
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.trust import PART, weights
 from known.judged_meshes import CHOICES, disturbed, errors
@@ -20,7 +20,9 @@ def test_weights_are_those_of_least_squares():
     vertex = np.array([[0, 1, 2], [3, 4, 5], [6, 7, 8]])
     curved = np.array([1e-3, 2e-3, 2e-3])
     drawn = np.array([3e-3, 2e-3, 1e-3])
-    trial = Trial(curved**2 / PART.squared_error, curved**2 + drawn**2, np.zeros(3), np.zeros(3))
+    trial = ErrorEstimate(
+        curved**2 / PART.squared_error, curved**2 + drawn**2, np.zeros(3), np.zeros(3)
+    )
     found = weights(9, vertex, trial, np.zeros(3, bool))
     assert found == pytest.approx(np.repeat([0.9, 0.5, 0.0], 3), abs=1e-4)
     assert (weights(9, vertex, trial, np.ones(3, bool)) == 1).all()
@@ -48,8 +50,8 @@ def test_regular_meshes_are_followed_whole_or_not_at_all(monkeypatch):
         asked.append(trusted.weight)
         return trusted
 
-    found = trust.how_far_trusted
-    monkeypatch.setattr("kiriko.core.glass.surface_fit.how_far_trusted", looked_at)
+    found = trust.trust_steps
+    monkeypatch.setattr("kiriko.core.glass.surface_fit.trust_steps", looked_at)
     for mesh in (torus(0.018, 0.007, 12, 6), disturbed("torus, 4096", 0, 1e-4)):
         surface = make_surface(replace(mesh, has_mean_normals=True, surface="automatic"))
         assert surface.n_doubted > 0
@@ -62,13 +64,13 @@ def test_faces_that_are_known_exactly_stay_whole_among_irregular_ones(monkeypatc
 
     def every_third_is_known(v, size, faces, trial, parts):
         is_known = np.arange(len(faces.chosen)) % 3 == 0
-        trusted = yield from found(v, size, faces, trial, parts._replace(is_known=is_known))
+        trusted = yield from found(v, size, faces, trial, parts._replace(is_exact=is_known))
         weight = trusted.weight[v.of_corner[faces.chosen]]
-        asked.append((is_known & ~faces.is_swollen, trusted.is_kept, weight))
+        asked.append((is_known & ~faces.is_swollen, trusted.is_curved, weight))
         return trusted
 
-    found = trust.how_far_trusted
-    monkeypatch.setattr("kiriko.core.glass.surface_fit.how_far_trusted", every_third_is_known)
+    found = trust.trust_steps
+    monkeypatch.setattr("kiriko.core.glass.surface_fit.trust_steps", every_third_is_known)
     mesh = disturbed("torus, 4096", 0.3, 0)
     make_surface(replace(mesh, has_mean_normals=True, surface="automatic"))
     is_known, is_kept, weight = asked.pop()

@@ -23,8 +23,8 @@ def found_normals(monkeypatch, shape, n, seed):
         asked.append((v.normal, normal, unit(v.at / np.square(BALLS[shape]))))
         return normal
 
-    found = surface_fit.finding_normals
-    monkeypatch.setattr(surface_fit, "finding_normals", looked_at)
+    found = surface_fit.normal_steps
+    monkeypatch.setattr(surface_fit, "normal_steps", looked_at)
     make_surface(replace(hull(shape, n, 0.0, seed), surface="smooth"))
     return asked.pop()
 

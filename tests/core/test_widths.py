@@ -12,7 +12,7 @@ import pytest
 from kiriko.core.base.steps import run_steps
 from kiriko.core.light.rays import Reason
 from kiriko.core.map import pieces
-from kiriko.core.map.pieces import LEAST_PX, MOST_PX, TOGETHER, widths
+from kiriko.core.map.pieces import LEAST_PX, MOST_PX, TOGETHER, kernel_widths
 from kiriko.core.map.points import Points
 from kiriko.core.map.shares import add_at
 from known.rasterised import rasterise
@@ -32,7 +32,7 @@ def mixed(xy, size=SIZE):
 
 
 def widths_of(view, xy, size):
-    return run_steps(widths(view, xy, size))
+    return run_steps(kernel_widths(view, xy, size))
 
 
 @pytest.mark.parametrize("per_pixel", [0.125, 0.5, 2, 8, 60])
