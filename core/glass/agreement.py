@@ -23,10 +23,10 @@ class AgreementOptions:
         meshes they differ by 1e-7 or less
     trusted : largest jump of a face's normals, as a fraction of its gain over the facet. At a jump
         of 0.25 noisy balls and tori gain nothing (`dev.py irregular`)
-    scattered : fraction of the gain by which vertices of coarse faces may lie off smooth lines. Up
-        to it jumps only show coarse faces, and are harmless up to the gain. Coarse ellipsoids and
-        tori have 0.11 or less, a torus of sheared quads 0.14, nine in ten remeshed and decimated
-        faces 0.35 or more. At 0.15 a lentil of 8 faces around gets worse
+    scattered : largest distance of coarse faces' vertices from smooth lines, as a fraction of the
+        gain. Up to it jumps only show coarse faces, and are harmless up to the gain. Coarse
+        ellipsoids and tori have 0.11 or less, a torus of sheared quads 0.14, nine in ten remeshed
+        and decimated faces 0.35 or more. At 0.15 a lentil of 8 faces around gets worse
     coarse : jump of a coarse face, as a fraction of the gain, over the square of its turn, rad, or
         of the part of a circle or ellipse its edges span (from the lines). 0.3 to 1.5 on balls and
         tori; 8 by the turn in the shoulder of a bottle, whose lines are smooth as well
@@ -35,8 +35,8 @@ class AgreementOptions:
     fine : rad: on faces with less turn and smooth lines, jumps may come from the curves themselves:
         between two patches of a Subdivision surface jump and gain shrink alike. A vase of 32 steps
         turns by 0.2 or more: it must not be trusted in one of its walls alone
-    smooth : fraction of the gain by which vertices of fine faces may lie off smooth lines. On tori
-        whose noise spoils the gain it is 0.1 or more on most faces
+    smooth : the same distance for the vertices of fine faces. On tori whose noise spoils the gain
+        it is 0.1 or more on most faces
     on_smooth : largest trusted jump on such faces: at 0.5 faces next to a bottle's shoulder get
         worse
     """
@@ -88,7 +88,6 @@ class FaceNeighbours:
         edge = np.zeros((len(chosen), 3), np.int8)
         is_drawn = np.zeros((len(chosen), 3), bool)
 
-        # both sides of each joined edge
         f, s, i, j = (
             x[is_joined]
             for x in (edges.first, edges.second, edges.corner_first, edges.corner_second)
@@ -114,8 +113,7 @@ def agreement_steps(
     On an edge the normal is the mean of both sides, or the facet's own next to a flat face. Inside,
     the face's own normals follow the changes on its edges. Both sides interpolate the same numbers
     along an edge, and so agree all along it. A wrong height turns the normal in proportion to
-    height over distance to the edge: each side is weighted by its area squared. Two sides of equal
-    weight are off by as much as they differ; the smaller one weight, the less its error matters.
+    height over distance to the edge, so each side is weighted by its area squared.
 
     Parameters
     ----------
@@ -193,15 +191,15 @@ class ErrorEstimate(NamedTuple):
 
     @property
     def is_coarse(self) -> Bools:
-        """Faces with so much turn that it may explain their jumps."""
+        """Faces whose turn may explain their jumps."""
         return AGREEMENT.coarse * self.turn**2 > AGREEMENT.trusted
 
     def at(self, which: Ints) -> "ErrorEstimate":
         return ErrorEstimate(*(x[which] for x in self))
 
     def on_lines(self, scatter: Floats, phase: Floats) -> "ErrorEstimate":
-        """The same for faces with corners off smooth lines by scatter (p, 3), on lines with phase
-        (p, 3), rad squared, from vertex to vertex.
+        """The same for corners off smooth lines by scatter (p, 3), on lines with phase (p, 3), rad
+        squared, from vertex to vertex.
         """
         by_turn = AGREEMENT.coarse * self.turn**2
         by_lines = np.minimum(AGREEMENT.coarse * phase.mean(axis=1), AGREEMENT.by_lines)

@@ -2,7 +2,7 @@
 
 Any ray through a face, however close to a silhouette, also hits this shell. It is made of points on
 the faces, lifted along the vertex normals by more than the faces bulge out of the chords between
-the points. Each face is split as finely as its turn requires, only along edges with some turn.
+the points. Faces are split as finely as their turn requires.
 """
 
 from dataclasses import dataclass
@@ -108,7 +108,6 @@ def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
     halvings = _count_halvings(faces, turns, at_edge)
     yield 0
 
-    # the parts, and how far the faces bulge out of them
     sag = np.zeros(len(turns))
     portions = []
     for some in _portions(halvings):
@@ -139,7 +138,7 @@ def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
     np.maximum.at(lift, faces.vertex.ravel(), np.repeat(HIGHER * sag, 3))
     lifted = lift[:, None] * faces.vertex_normal
 
-    # filled portion by portion: many faces at once would take most of a second
+    # filled in portions: all at once would take most of a second for many faces
     n = sum(len(face) for face, _, _ in portions)
     made = np.empty((n, 3, 3)), np.empty(n, np.int64), np.empty((n, 3, 2), np.float32)
     shell = BoundingShell(*made)

@@ -106,7 +106,6 @@ class CurvedFaces:
         if all(part is None for part in parts):
             return None
 
-        # rows of a surface follow the rows of earlier ones
         starts = np.cumsum([0, *(len(facets) for facets in corners)])
         numbered: dict[str, list[Ints]] = {name: [] for name in NUMBERED}
         n_before = dict.fromkeys(NUMBERED, 0)
@@ -244,7 +243,6 @@ class CurvedFaces:
         if not len(given):
             return normal
 
-        # interpolated normals of the vertices, plus terms
         row = row[given]
         c = np.take(self._normal_table, self.normal_row[row], axis=1).reshape(N_TERMS, 3, -1)
         at_corners = self.vertex_normal[self.vertex[row]]

@@ -1,11 +1,10 @@
 """Intersections of rays with curved faces, on the side of the surface each ray comes from.
 
 A ray meets point(u, v) where the part of point(u, v) - origin across the ray is 0. Newton's method
-starts at the ray engine's hit on the bounding shell. A root beyond an edge of its face can only lie
-on the neighbour: the search restarts there. Near a turning point the matrix is singular: such rays
-do not converge, and count as misses. If a root is on the impossible side, the search continues for
-the other root nearby: first along the ray's own course on the face, then from many places on the
-faces around.
+starts at the ray engine's hit on the bounding shell. A root beyond an edge can only lie on the
+neighbour: the search restarts there. Near a turning point the matrix is singular: such rays do not
+converge, and count as misses. If a root is on the impossible side, the other root is searched:
+first along the ray's own course on the face, then from many places on the faces around.
 """
 
 from dataclasses import dataclass
@@ -32,7 +31,7 @@ class RootOptions:
     patience, hopeless : after so many steps a ray is given up if its step in u, v is larger
     converged : step in u, v at the end: the remaining error is below the step's square
     longest_step : in u, v
-    overshoot : in u, v: a root further than this beyond an edge is searched on the next face
+    aside : in u, v: a root further than this beyond an edge is searched on the next face
     walks : most faces a search may visit
     last_walks : the same if all faces near the ray are tested anyway
     corner_turns : most faces around a corner of a face, in each direction, searched for another
@@ -48,7 +47,7 @@ class RootOptions:
     hopeless: float = 0.05
     converged: float = 3e-6
     longest_step: float = 0.5
-    overshoot: float = 0.6
+    aside: float = 0.6
     walks: int = 8
     last_walks: int = 2
     corner_turns: int = 32
@@ -68,7 +67,6 @@ class RayLines(NamedTuple):
     directions: Floats
 
     def at(self, i: Ints | Bools | slice) -> "RayLines":
-        """A subset of the rays."""
         if isinstance(i, slice):
             return RayLines(self.origins[i], self.directions[i])
         return RayLines(take(self.origins, i), take(self.directions, i))
@@ -82,7 +80,6 @@ class Spots(NamedTuple):
     v: Floats
 
     def at(self, i: Ints | Bools | slice) -> "Spots":
-        """A subset of the places."""
         return Spots(self.triangle[i], self.u[i], self.v[i])
 
 
@@ -103,7 +100,6 @@ class Roots(NamedTuple):
 
     @property
     def spots(self) -> Spots:
-        """The places on the faces."""
         return Spots(self.triangle, self.u, self.v)
 
     def put(self, rays: Ints, others: "Roots", chosen: Bools | Ints | slice = slice(None)) -> None:
@@ -172,14 +168,13 @@ class _NewtonSearch:
         return _is_active(u, v, size, n_steps)
 
     def step_over(self, some: Ints, walks: int) -> Ints:
-        """Move rays to the next face if their root is beyond an edge, or the search is far beyond
-        it.
+        """Move rays to the next face if their root is beyond an edge, or the search far beyond it.
 
         some: rays done with their faces; walks: most faces a ray may visit. Returns the moved rays.
         """
         u, v = self.u[some], self.v[some]
         outside = _outside(u, v)
-        far = np.flatnonzero((self.size[some] < ROOTS.converged) | (outside <= -ROOTS.overshoot))
+        far = np.flatnonzero((self.size[some] < ROOTS.converged) | (outside <= -ROOTS.aside))
         row = self.faces.row[self.k[some[far]]]
         is_beyond = ~(outside[far] >= -self.faces.slack(row))
         is_beyond &= self.n_faces[some[far]] < walks
@@ -268,10 +263,8 @@ def _step(
 
 
 def _is_active(u: Floats, v: Floats, size: Floats, n_steps: Ints) -> Bools:
-    """Mask of roots (n,) to follow further on their faces, now at u, v after n_steps, the last of
-    some size.
-    """
-    is_near = np.minimum(np.minimum(u, v), 1.0 - u - v) > -ROOTS.overshoot
+    """Mask of roots (n,) to follow further on their faces; size: of the last of n_steps."""
+    is_near = np.minimum(np.minimum(u, v), 1.0 - u - v) > -ROOTS.aside
     is_hopeful = (n_steps <= ROOTS.patience) | (size < ROOTS.hopeless)
     is_open = ~(size < ROOTS.converged) & is_near & is_hopeful & (n_steps < ROOTS.iterations)
     return is_open | (n_steps < 2)
@@ -409,7 +402,6 @@ def _search_around(
         some = _Around(*(column[first : first + ROOTS.searched_at_once] for column in around))
         near = _faces_around(faces, some.near)
 
-        # all starts on all faces
         i, j = np.nonzero(near >= 0)
         k = near[i, j]
         holds = are_in_boxes(faces, k, lines.at(some.rays[i]))

@@ -68,7 +68,7 @@ class Fields:
     is_rim: Bools
 
     def kernel_fit(self, v: Vertices) -> native_fit.Fit:
-        """The kernel's fit at these vertices."""
+        """Kernel object for the fit."""
         return native_fit.Fit(v, (self.axis_x, self.axis_y), self.size, self.is_rim)
 
 
@@ -313,7 +313,7 @@ class Faces:
     """Curved faces during the fit.
 
     chosen (n,): their triangles; coefficients (n, 14, 3) m; own (n, 15, 3): unit normals at nodes
-    and corners; meant: the intended normals, different from `own` on exact faces; is_swollen (n,)
+    and corners; intended: the same, except on exact faces; is_swollen (n,)
     """
 
     chosen: Ints

@@ -78,7 +78,6 @@ def line_steps(v: Vertices, size: Floats) -> Steps[Lines]:
     across, poles = _find_across(v)
     yield 0
 
-    # along the lines from each pair, all at once
     n = LINES.vertices
     second, *fourths = (
         np.pad(_weights(order), (k, n - 1 - order - k))
@@ -151,10 +150,9 @@ def _weights(order: int) -> Floats:
 
 def _half_on(n: int) -> Floats:
     """Weights (n, n) of n values, n odd, evenly around a circle, for the value half a circle on
-    from each.
+    from each: between two of them, on the trigonometric polynomial through all.
 
-    The value lies between two of them, on the trigonometric polynomial through all. It is exact for
-    ellipses, and the squared weights sum to 1: noise keeps its size.
+    It is exact for ellipses, and the squared weights sum to 1: noise keeps its size.
     """
     steps = np.arange(n) - np.arange(n)[:, None]
     return (-1.0) ** (n // 2 + steps) / (n * np.cos(np.pi * steps / n))

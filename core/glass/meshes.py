@@ -51,7 +51,6 @@ class Edges:
     n_open: int
 
     def at(self, which: Bools) -> "Edges":
-        """A subset of the pairs."""
         columns = self.first, self.second, self.corner_first, self.corner_second, self.is_same_way
         return Edges(*(column[which] for column in columns), self.n_open)
 

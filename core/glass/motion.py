@@ -92,7 +92,6 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
 
     motion = Motion(rotation, to_middle - rotation @ from_middle)
 
-    # all the others must follow it
     scale = max(np.abs(a).max(), np.abs(b).max())
     allowed = PRODUCT_ROUNDING * scale + 4 * max(before.rounding, after.rounding)
     if np.abs(motion.points(a) - b).max() > allowed:

@@ -14,7 +14,7 @@ from .surfaces import Surface, surface_steps
 SAME_VOLUME = 1e-6
 # tested in both directions
 OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
-# fraction of a shell's size by which a cavity may stick out of the shell around it
+# fraction of a shell's size: a cavity may stick out of the shell around it as far
 OUTSTANDING = 1e-3
 
 

@@ -103,11 +103,11 @@ def _halves(edges: Edges, polygon: Ints) -> tuple[Bools, Bools]:
     return is_diagonal, (n_parts == 2) & (is_diagonal.sum(axis=1) == 1)
 
 
-# fraction of an edge by which vertices may be off splines: Blender's float32 leaves up to 3e-5
-# after three levels
+# fraction of an edge: largest distance of vertices from splines. Blender's float32 leaves up to
+# 3e-5 after three levels
 ROUNDING = 3e-5
-# smallest share of places on splines with others next to them that are off by CLEARLY times more:
-# 0.07 and more on subdivided meshes, 0.013 and less on balls of fine quads
+# smallest share of places on splines with neighbours off by CLEAR_RATIO times more: 0.07 and more
+# on subdivided meshes, 0.013 and less on balls of fine quads
 EVIDENT_SHARE = 0.03
 CLEAR_RATIO = 10.0
 
@@ -117,10 +117,8 @@ NEXT_TO_KNOTS = ((1, -4, 1),)
 
 
 def _derivative_weights() -> Floats:
-    """Weights (4, 7) of seven places for the derivative none to three edges before the middle one.
-
-    Knots are next to the middle. Of all exact weights they are the smallest, least sensitive to
-    rounding.
+    """Weights (4, 7) of seven places for the derivative none to three edges before the middle one,
+    with knots next to the middle: the smallest exact weights, least sensitive to rounding.
     """
     t = np.arange(-3.0, 4)
     places = [t**0, t, t**2, t**3, np.maximum(t - 1, 0) ** 3, np.maximum(t + 1, 0) ** 3]
@@ -213,7 +211,6 @@ def spline_steps(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
     if not len(lines.pair):
         return None
 
-    # places along lines, and which of them are on splines
     start = v.start[lines.pair]
     at = take(v.at, start)
     end = take(v.at, v.end[lines.pair])
@@ -240,7 +237,6 @@ def spline_steps(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
     mixed = np.where(np.isnan(mixed), -mixed[lines.left], mixed)
     yield 0
 
-    # quads with all data at their corners
     is_whole = np.isfinite(along + along[lines.left] + mixed).all(axis=1)
     is_whole = np.append(is_whole, False)
     is_face = np.logical_and.reduce([is_whole[line] for line in _quad(lines, lines.face)])

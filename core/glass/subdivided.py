@@ -113,7 +113,7 @@ class Quads:
         return normals
 
     def divided(self, points: Floats) -> tuple["Quads", Floats]:
-        """Each face split in four, those of loop l at 4 l; correct inside complete surroundings."""
+        """Each face split in four, those of loop l at 4 l; correct if all faces around exist."""
         edge = np.minimum(np.arange(len(self.start)), self.twin)
         first, edge = np.unique(edge, return_inverse=True)
         of_face = points[self.start].reshape(-1, 4, 3).mean(axis=1)
@@ -153,7 +153,7 @@ AROUND = 14
 TESTED = 3
 # rings of faces around a pole (more or fewer than four quads) without splines of two edges
 NEAR = 8
-# fraction of an edge by which control points may be off, and how many times less than otherwise
+# fraction of an edge: largest error of control points, and how many times less it is than otherwise
 ROUNDING = 1e-3
 CLEAR_RATIO = 10.0
 
@@ -232,7 +232,6 @@ def subdivided_steps(
     if not rings[0].any():
         return None
 
-    # control points of all faces around
     used, start = np.unique(faces[rings[-1]], return_inverse=True)
     quads = Quads(start.reshape(-1), len(used))
     is_whole = is_whole[used]

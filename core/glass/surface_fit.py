@@ -306,7 +306,6 @@ def make_curved(
     found = yield from _find_normals(drawn, wanted, has_mean_normals)
     v = found.v
 
-    # a face over each consistent triangle
     wanted, flat_face = _in_agreement(found, drawn, requested)
     yield 0
     size, faces, is_whole = yield from _fit(found, drawn, corners, wanted)
@@ -452,7 +451,6 @@ def _in_agreement(found: _FittedNormals, drawn: Drawn, requested: Bools) -> tupl
     """
     v, wanted = found.v, found.wanted
 
-    # none of their edges turns as on a bevel
     is_bad = contradicted(v, v.normal, found.is_used)
     if is_bad.any():
         n = len(v.at)

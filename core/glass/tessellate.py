@@ -36,7 +36,6 @@ def tessellate(mesh: Mesh, angle: float = np.radians(1), most: int = 1_000_000) 
 
     k = count_parts(curved, angle, max(1, int(np.sqrt(most / len(mesh.triangles)))))
 
-    # all triangles as drawn
     weights, parts = grid(k)
     points = np.matmul(weights, surface.corners)
     normals = np.empty((len(mesh.triangles), len(weights), 3))
@@ -46,7 +45,6 @@ def tessellate(mesh: Mesh, angle: float = np.radians(1), most: int = 1_000_000) 
         bent = surface.is_bent
         normals[bent] = normalise(np.matmul(weights, surface.corner_normals[bent]))
 
-    # curved faces
     triangle = curved.triangle
     points[triangle] = curved.points_on(k)
 

@@ -60,7 +60,7 @@ def find_vertices(
 
     # most vertices have joined edges only and stay whole; around the others corners are joined one
     # by one
-    is_joined_edge = np.zeros((n, 3), bool)  # edges (t, 3) that are joined
+    is_joined_edge = np.zeros((n, 3), bool)
     for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
         is_joined_edge[t[is_joined], e[is_joined]] = True
 
@@ -82,7 +82,6 @@ def find_vertices(
         label = components(len(chosen), local[a[inside]], local[b[inside]])
         of_corner.reshape(-1)[chosen] = len(vertices) + label
 
-    # once each, with place and normal
     used, of_corner = unique_inverse(of_corner)
     normal = np.zeros((len(used), 3))
     at = np.empty((len(used), 3))

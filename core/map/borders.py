@@ -33,7 +33,6 @@ class BorderEdges(NamedTuple):
     end: Floats
 
     def at(self, which: Ints) -> "BorderEdges":
-        """A subset of the edges."""
         return BorderEdges(*(column[which] for column in self))
 
 
@@ -42,7 +41,7 @@ def exceed_budget(points: Points, near: Ints, far: Ints, budget: RayBudget) -> B
     have.
     """
     n = len(near)
-    # the second side of a border is bisected, too, after one try
+    # the second side takes one try, then bisection
     n_rays = N_DIGITS + ((points.branch[far] != 0) & (near > far))
     middle = (points.view[near] + points.view[far]) / 2  # rays on an edge start in the same pixel
     view = np.concatenate([middle, points.view[near]])
@@ -62,7 +61,6 @@ def find_borders(
     if not len(near):
         return Points.none()
 
-    # several borders begin at one point
     once, at_near = np.unique(near, return_inverse=True)
     view = take(points.view, once)
     budget.take(view)

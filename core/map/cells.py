@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Ints, take
 
-COUNTED = 1 << 16  # pieces with counted shares, about; of more a sample is counted
+COUNTED = 1 << 16  # most pieces whose shares are counted; of more, a sample
 
 # Tolerances for the division of cells, the same in core/native/shares.c.
 # px: a cell squeezed thinner than this by a caustic is spread to this width
@@ -182,7 +182,6 @@ def thickened(cells: Cells) -> Cells:
     """
     x, y = cells.x, cells.y
 
-    # thin triangles, and their longest sides
     dx = np.roll(x, -1, axis=0) - x
     dy = np.roll(y, -1, axis=0) - y
     lengths = np.sqrt(dx * dx + dy * dy)

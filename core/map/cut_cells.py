@@ -16,7 +16,7 @@ class Cut(NamedTuple):
     """Pieces of cells (m,), and all points.
 
     pieces, owner : triangles (t, 3), and their cells (t,)
-    is_over_budget : (m,) cells not cut, because they exceed the ray budget
+    is_over_budget : (m,) cells not cut
     """
 
     points: Points
@@ -45,7 +45,6 @@ def cut_cells(
     is_over_budget[of_cell[exceed_budget(points, *_points_of(new), budget)[number]]] = True
     yield 0
 
-    # borders of cells within the budget
     is_wanted = np.zeros(len(new), bool)
     is_wanted[number[~is_over_budget[of_cell]]] = True
     new = new[is_wanted]

@@ -63,7 +63,6 @@ def quartered(
     if not len(cells):
         return points, cells, middle
 
-    # points between the corners, once each
     view = take(points.view, cells)
     halfway = (view + np.roll(view, -1, axis=1)) / 2
 
@@ -127,7 +126,7 @@ class _CutSamples(NamedTuple):
     """Result of cutting cells (m,).
 
     is_one : corners on one branch
-    off : display px by which the middle is missed, as in `_missed`
+    off : display px, distance from the middle, as in `_missed`
     has_gaps : pieces leave out a lit part
     is_over_budget : not cut, because they exceed the rays left to their pixels
     pieces, owner : (t, 3) lit pieces of cells on several branches, and the cell (t,) of each
@@ -152,8 +151,8 @@ class Cutting:
     Bisection has no end in chaotic light. If more than a few pixels of a square (m,), by number,
     are in doubt, two kinds of cells are sampled instead: its mixed quarters, and pixels with all
     corners lit whose pieces leave out a part, or light would be lost. If samples would leave gaps
-    on the display, all are cut. Pixels and quarters are also sampled if their borders exceed the
-    rays left to the pixel.
+    on the display, all are cut. Pixels and quarters whose borders exceed the ray budget are also
+    sampled.
 
     is_coarse : no pixel is quartered
     last : (n, 5) corners and middles of cells to be cut around their middles at the end
@@ -224,14 +223,12 @@ class Cutting:
         one = np.flatnonzero(is_one)
         mixed = np.flatnonzero(~is_one)
 
-        # on one branch: no cut
         off = np.zeros(len(is_one))
         off[one] = missed_by_corners(
             plan, self.points, cells.corners[one], self.points.at(cells.middle[one])
         )
         yield 0
 
-        # on several
         corners, middle = cells.corners[mixed], cells.middle[mixed]
         cut = yield from cut_cells(plan, self.points, corners, self.budget, middle)
         self.points = cut.points
@@ -248,12 +245,10 @@ class Cutting:
         """Store the pieces; returns the cells to be quartered, none in the last round."""
         again = found.off > self.plan.settings.tolerance
 
-        # sampled
         is_unresolved = found.has_gaps | (is_last & np.isinf(found.off))
         is_sampled = found.is_over_budget | (is_unresolved & ~cells.is_calm)
         self.chaotic.append(cells.corners[is_sampled])
 
-        # used as they are
         is_lit = self.points.branch[cells.corners[:, 0]] != 0
         self.quads.append(cells.corners[found.is_one & is_lit & ~again])
         self.triangles.append(found.pieces[~(again | is_sampled)[found.owner]])

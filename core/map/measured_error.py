@@ -41,7 +41,6 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
     found = yield from trace_points(plan, places.at)
     display_size = view_map.display_size
 
-    # landings by the map
     yield 0
     expected = yield from view_map.lookup.by_cells(places.at)
     yield 0
@@ -95,7 +94,6 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
     random = np.random.default_rng(0)
     points = view_map.points
 
-    # light past the glass carries no picture
     has_picture = ~view_map.is_beside_glass(view_map.nodes[:, 0])
     smooth = Squares(view_map.corner, view_map.size).at(has_picture)
 

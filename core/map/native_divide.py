@@ -100,7 +100,7 @@ def _leave(work: int | None, *_: object) -> None:
 def _parts_of(
     begun: _Begun, pixels: type[np.signedinteger], at_once: int, is_numbered: bool
 ) -> Iterator[tuple[int, Divided]]:
-    """Results of `divided` from lots in work."""
+    """The shares of lots in work."""
     begun.end()
     kernel, shares = loaded(), begun.shares
     # one by one, if a lot needs more room

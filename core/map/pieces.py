@@ -23,7 +23,7 @@ from ..base.steps import Steps
 from . import smooth_cells
 from .points import Points, is_in_image
 
-UNIT_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # its corners
+UNIT_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 # Light between the nodes of a cell is limited to this factor below its faintest and above its
 # brightest node: smooth light is far from it.
 SWING = 2.0
@@ -50,7 +50,6 @@ class Piece(NamedTuple):
     branch: NDArray[np.uint64]
 
     def at(self, which: Bools | Ints) -> "Piece":
-        """A subset of the pieces."""
         return Piece(*(take(values, which) for values in self))
 
 
@@ -141,7 +140,6 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
 
     corner, size, nodes : (n, 2), (n,) viewer px, (n, 25) indices of points
     """
-    # landings and throughput on a grid in each cell
     values = np.concatenate([take(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
     landed = smooth_cells.on_grid(values, m)
 

@@ -37,12 +37,10 @@ class Points:
 
     @classmethod
     def none(cls) -> "Points":
-        """No points."""
         two = np.empty((0, 2))
         return cls(two, two, np.empty(0, np.uint64), np.empty(0, np.uint8), np.empty(0))
 
     def at(self, which: Ints) -> "Points":
-        """A subset of the points."""
         return Points(*(take(getattr(self, f.name), which) for f in fields(Points)))
 
     def and_more(self, others: "Points") -> "Points":

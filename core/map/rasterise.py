@@ -82,7 +82,6 @@ def cell_from_display(x: Floats, y: Floats, total: Floats) -> Floats:
     A quad is p = centre + s a + t b + s t c with s, t in -1/2..1/2, a triangle p = corner + s a + t
     b. Six coefficients invert the part without c, two are c in that frame.
     """
-    # both coordinates, as polynomials of s and t
     if len(x) == 3:
         px = x[0]
         py = y[0]
@@ -282,7 +281,6 @@ def _spread(cells: Cells, display_area: Floats, width: int, height: int) -> Iter
         first, n_columns, pieces = walk(np.take(outline, cell, axis=1), row)
         moments = sums(n_columns, pieces)
 
-        # only pixels with a part of a cell
         of_row, step = ragged(n_columns)
         share = moments.area / total[cell][of_row]
         covered = np.flatnonzero(share > SMALLEST)
@@ -388,7 +386,6 @@ def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, EdgeParts]:
     last_column = outline[-1]
     ends = _ends(outline, row)
 
-    # columns of the row
     low = np.minimum(ends.xa, ends.xb)
     high = np.maximum(ends.xa, ends.xb)
     is_crossing = ends.ya != ends.yb

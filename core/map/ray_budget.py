@@ -4,9 +4,8 @@ If the display has more pixels than the viewer's image, the budget counts for ea
 a viewer pixel: fewer rays, and samples in place of cells, would leave holes between them.
 
 Rays are counted where they start. Before borders are searched, or a cell is quartered, the largest
-number of rays in each pixel is computed; if fewer are left, none of them is traced. The bound
-therefore holds for every pixel, and the choice of sampled cells depends on no other part of the
-view, on no batch and on no machine.
+number of rays in each pixel is computed; if fewer are left, none of them is traced. The bound holds
+for every pixel, and sampling in one depends on no other part of the view, no batch and no machine.
 """
 
 import numpy as np

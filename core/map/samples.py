@@ -37,7 +37,7 @@ from .ray_budget import RayBudget
 from .view_map import QUADS_AT_ONCE, ViewMap
 
 BLOCK_PX = 8  # display px, side of the blocks on which light is summed up
-TIMES = (1.0, 1.5)  # further samples along a pixel's side, over the first ones: one of these
+TIMES = (1.0, 1.5)  # ratios of further samples to the first ones, along a pixel's side
 MOST_ALONG = 12  # further samples along a pixel's side
 # smallest chaotic share of the view for further samples: below it they are not worth the time to
 # sum up light
@@ -116,7 +116,6 @@ def samples_worth(
     is_lit = is_in_image(points.xy, size) & (points.branch != 0)
     is_lit &= points.reason != Reason.MISSED_GLASS
 
-    # pixels with samples
     row_length = viewer.width + 2  # a pixel on the left is not mistaken for one on the right
     number = np.floor(middle).astype(np.int64) @ [1, row_length]
     pixels, of_cell = np.unique(number, return_inverse=True)
@@ -221,7 +220,6 @@ def sample_cells(
     if budget is None or not may_take_more(plan, float(whole.sum())):
         return samples
 
-    # cells worth more
     owner = _cells_of(corners, along)
     middle = corners.mean(axis=1)
     light = yield from light_on_blocks(view_map)

@@ -58,7 +58,6 @@ class Sampling:
         self.tolerance = plan.settings.tolerance
         self.allowed = (1 - smooth_cells.OF_TOLERANCE) * self.tolerance
 
-        # first squares, and room for the nodes of all
         self.first_size = max(PARTS, 2 ** int(np.log2(max(self.view_size) / N_ACROSS)))
         n_columns, n_rows = (-(-n // self.first_size) for n in self.view_size)
         self.number = np.full(
@@ -130,7 +129,6 @@ class Sampling:
             self.number.ravel()[missing] = first + np.arange(len(missing))
             yield 0
 
-            # squares that pass the checks are cells
             missed = self._missed(checking, first + len(missing))
             # the smallest may be as far off as the quads between their nodes
             good = missed <= np.where(
@@ -138,7 +136,6 @@ class Sampling:
             )
             smooth = smooth.and_more(checking.at(good))
 
-            # the others are quartered
             is_smooth, is_done = yield from self._sorted(todo)
             refused = todo.at(~is_smooth & ~is_done).and_more(checking.at(~good))
             checking = todo.at(is_smooth)
@@ -221,7 +218,6 @@ class Sampling:
         is_inside = (column[:, at] < self.view_size[0]) & (row[:, at] < self.view_size[1])
         cells = self._at_nodes(finest)[:, corners][is_inside]
 
-        # pixels that may show something
         by_row = cells[:, [0, 1, 3, 2]]
         is_off_display = are_off_display(
             take(self.points.xy, by_row), self.points.branch[by_row], np.array(self.display_size)

@@ -56,8 +56,6 @@ class Shares:
     path: NDArray[np.uint64] | None = None
 
     def at(self, which: NDArray) -> "Shares":
-        """A subset of the shares."""
-
         def some(values: NDArray | None) -> NDArray | None:
             return None if values is None else values[..., which]
 
@@ -159,7 +157,6 @@ class Lot(NamedTuple):
     path: NDArray[np.uint64] | None = None
 
     def at(self, which: Ints) -> "Lot":
-        """A subset of the cells."""
         return Lot(*(None if values is None else take(values, which) for values in self))
 
 

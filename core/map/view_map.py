@@ -1,4 +1,4 @@
-"""The view map: cells from viewer to display pixels, by which the source image is painted.
+"""The view map: cells from viewer to display pixels, from which the source image is painted.
 
 `Lookup` finds the cell at a place of the viewer's image.
 """
@@ -45,21 +45,18 @@ class Lookup:
         owner = self.owner.ravel()[pixel]
         yield 0
 
-        # in smooth cells
         smooth = np.flatnonzero(owner >= 0)
         rays = in_image[smooth]
         cells = owner[smooth]
         places = (xy[rays] - self.corner[cells]) / self.size[cells, None]
         found[rays] = smooth_cells.at_places(self.points.xy[self.nodes[cells]], places)
 
-        # in whole pixels
         whole = np.flatnonzero(owner < -1)
         rays = in_image[whole]
         quads = self.quads[-2 - owner[whole]]
         found[rays] = bilinear(self.points.xy[quads], xy[rays] - self.points.view[quads[:, 0]])
         yield 0
 
-        # in quarters and in other pieces of pixels
         for pieces in (self.quads[~self._are_pixels], self.triangles):
             inside = in_triangles if pieces.shape[1] == 3 else in_quarters
             pieces, of_pixel = self._pieces_in(pieces, pixel)
