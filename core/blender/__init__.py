@@ -1,1 +1,1 @@
-"""All that knows Blender: the scene is read here, and results are written."""
+"""Reading the Blender scene and writing results into it."""

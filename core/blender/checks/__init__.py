@@ -1,1 +1,1 @@
-"""The checklist: inspects the scene, and names what is left to do."""
+"""The checklist: inspects the scene and lists the remaining steps."""

@@ -1,7 +1,7 @@
-"""The checklist: the things that are left to do for a rig, each with the button that does it.
+"""The checklist: the remaining steps for a rig, each with the button for it.
 
-An inspection of the scene goes in, a list of entries comes out: this file neither reads the scene
-nor draws. An entry is a record, so that any operator may be a remedy.
+The input is an inspection of the scene, the output a list of entries: this file neither reads the
+scene nor draws. An entry is a record, so any operator can be a remedy.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -30,12 +30,12 @@ MOST_OFFERED = 2  # objects that may be the glass
 LARGEST = 0.5  # m: wider glass was probably drawn without a size in mind
 SMALLEST = 0.002  # m
 IN_HAND = 0.1  # m: the largest width of glass that is held in one hand
-MILLIMETRES = 1e-3  # the factor for millimetres that were taken for metres
-WORTH = 0.005  # share of the picture: less that is lost needs nobody's hand
+MILLIMETRES = 1e-3  # the factor for millimetres drawn as metres
+WORTH = 0.005  # share of the picture: a smaller loss needs no action
 
-# Remedies for a share of the picture that is lost, by its reason: the words after the share,
-# and the buttons. Operators that make a part as large as needed add themselves here.
-# Where remedies were found they stand in their place, with their amounts.
+# Remedies for the lost share of the picture, by the reason of the loss: the words after the share,
+# and the buttons. Operators that enlarge a part add themselves here. Remedies found by measurement
+# replace them, with their amounts.
 FIT_PICTURE = Button("kiriko.fit_picture_size", Message("Fit Picture"))
 FIT_PLATE = Button("kiriko.fit_plate", Message("Fit Plate"))
 FIT_DISPLAY = Button("kiriko.fit_display", Message("Fit Display"))
@@ -65,14 +65,14 @@ TO_READ = {
     SMOOTH_GLASS: (Message("Smooth Glass"), "MOD_SMOOTH"),
     MOVE_TO_GLASS: (Message("Move to Glass"), "SNAP_FACE"),
 }
-# remedies for any loss; those for plate and display mend losses there
+# remedies for any loss; the buttons for plate and display are for losses at these parts
 FOR_ALL = (FIT_PICTURE.operator, BEST_PLACE.operator)
 
 
 def entries(seen: Inspection, length_text: Callable[[float], str]) -> list[Entry]:
-    """All that is left to do, the gravest first.
+    """All remaining steps, the gravest first.
 
-    length_text : a length, m, in words
+    length_text : formats a length, m
     """
     found = [
         *_on_lost(seen),
@@ -90,8 +90,9 @@ def entries(seen: Inspection, length_text: Callable[[float], str]) -> list[Entry
 
 
 def findings(seen: Inspection) -> Iterator[Entry]:
-    """Of them those on the shape of the glass, and on glass left out, which a result has as notes
-    where nobody sees the checklist.
+    """Entries on the shape of the glass and on glass left out. A result keeps them as notes if
+    nobody
+    sees the checklist.
     """
     yield from _on_in_glass(seen)
     for thing in _shown(seen):
@@ -99,12 +100,12 @@ def findings(seen: Inspection) -> Iterator[Entry]:
 
 
 def _shown(seen: Inspection) -> list[Thing]:
-    """The parts that are shown."""
+    """The visible parts."""
     return [thing for thing in seen.things if not thing.hidden_by]
 
 
 def _on_missing(seen: Inspection) -> Iterator[Entry]:
-    """What is not there is made, all by Add Rig as long as there is no rig; a hidden part is
+    """Missing parts. Add Rig makes all of them as long as there is no rig; a hidden part is
     shown.
     """
     if seen.has_rig and seen.missing and not seen.things:
@@ -113,7 +114,7 @@ def _on_missing(seen: Inspection) -> Iterator[Entry]:
         return
 
     roles = {thing.role for thing in seen.things}
-    is_new = not (seen.has_rig or roles & set(SINGLE))  # too little is there to make one part
+    is_new = not (seen.has_rig or roles & set(SINGLE))  # too few parts to place one more
     is_offered = False
     for role, phrase in seen.missing:
         hidden = next((t for t in seen.things if t.role == role and t.hidden_by), None)
@@ -121,7 +122,7 @@ def _on_missing(seen: Inspection) -> Iterator[Entry]:
         if hidden is not None:
             buttons = (_show(hidden),)
         elif role == "VIEWER" and seen.cameras:
-            # any other camera may look elsewhere, as that of Blender's own scene does
+            # any other camera may point elsewhere, as the default scene's does
             made = (_make(role),) if "GLASS" in roles and not seen.has_own_camera else ()
             buttons = (*made, _use_camera(seen.cameras[0]))
         elif is_new and not is_offered:
@@ -157,8 +158,8 @@ def _show(thing: Thing) -> Button:
 
 
 def _on_too_many(seen: Inspection) -> Iterator[Entry]:
-    """Parts of which a rig has one; all of its parts may have been duplicated. Objects that can be
-    no part.
+    """Several parts with a role a rig has once, perhaps all duplicated; and objects that cannot be
+    parts.
     """
     if seen.is_doubled:
         text = Message("The rig's parts were duplicated within the same rig.")
@@ -175,7 +176,7 @@ def _on_too_many(seen: Inspection) -> Iterator[Entry]:
 
 
 def too_many(role: str, n: int) -> Message:
-    """A sentence on parts of which a rig has one."""
+    """The sentence on several parts with a role a rig has once."""
     return Message(
         "{n} objects have the role {role}, but a rig has only one. Leave out the others.",
         n=n,
@@ -200,7 +201,7 @@ def _on_enclosed(seen: Inspection) -> Iterator[Entry]:
 
 
 def _on_hidden(seen: Inspection) -> Iterator[Entry]:
-    """Hidden parts that the rig can do without; those it needs are missing."""
+    """Hidden parts the rig can do without; hidden parts it needs count as missing."""
     missing = {role for role, _ in seen.missing}
     for thing in seen.things:
         if thing.hidden_by and thing.role not in missing:
@@ -211,9 +212,8 @@ def _on_hidden(seen: Inspection) -> Iterator[Entry]:
 
 
 def _on_in_glass(seen: Inspection) -> Iterator[Entry]:
-    """Objects within the glass that bend the light, too, as wine does, and are no part of the rig:
-    the source image would be that of the glass without them. Advice, for some are left out on
-    purpose, and only boxes are looked at.
+    """Refractive objects inside the glass, such as wine, without a role: the source image ignores
+    them. Advice only, since some are left out on purpose and only bounding boxes are compared.
     """
     for named in seen.in_glass[:MOST_OFFERED]:
         name = named.name
@@ -231,7 +231,7 @@ def _on_lost(seen: Inspection) -> Iterator[Entry]:
 
 
 def _on_result(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
-    """Is there one, of the scene as it is, of all of the picture?"""
+    """Entries on the result: missing, rough, out of date or incomplete."""
     if seen.missing:
         return
     if seen.is_coarse or seen.is_stale or seen.lacks_numbers:
@@ -245,7 +245,7 @@ def _on_result(seen: Inspection, length_text: Callable[[float], str]) -> Iterato
 
 
 def _on_display(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
-    """A display that Add Rig has made as large as the outermost light asks for."""
+    """A display that Add Rig made large enough for the outermost light."""
     for thing in _shown(seen):
         if thing.role == "DISPLAY" and thing.width > seen.for_most > 0:
             text = Message(
@@ -260,7 +260,7 @@ def _on_display(seen: Inspection, length_text: Callable[[float], str]) -> Iterat
 
 
 def _illegible(seen: Inspection) -> Entry:
-    """A picture that nobody recognises, with the remedies that were measured."""
+    """An illegible picture, with the measured remedies."""
     texts, buttons = [illegible(seen.legibility)], []
     for help in seen.legible_by:
         label, icon = TO_READ[help.operator]
@@ -275,8 +275,8 @@ def _illegible(seen: Inspection) -> Entry:
 
 
 def _once(found: Iterable[Entry]) -> Iterator[Entry]:
-    """Advice on a result, with each button at the first entry alone that has it: one press mends
-    for all of them.
+    """Advice on a result. Each button stays only at its first entry, since one press serves all of
+    them.
     """
     pressed: set[Button] = set()
     for entry in found:
@@ -286,7 +286,7 @@ def _once(found: Iterable[Entry]) -> Iterator[Entry]:
 
 
 def _losses(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
-    """Parts of the picture that are lost, the largest first, with what helps."""
+    """Lost shares of the picture with their remedies, the largest first."""
     told = set()
     for reason, share in sorted(seen.misses.items(), key=lambda miss: -miss[1]):
         if reason in REMEDIES and share >= WORTH:
@@ -294,7 +294,7 @@ def _losses(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[E
             yield Entry(_loss(share, reason, remedy), ADVICE, buttons)
             told.add(reason)
     for reason in [reason for reason in REMEDIES if reason not in told]:
-        # the viewer that loses most of it: what helps was sought for the one that is shown
+        # the viewer with the largest loss; remedies were measured only for the visible viewer
         losses = [(of.get(reason, 0.0), name) for name, of in seen.misses_of_others.items()]
         share, name = max(losses, default=(0.0, ""))
         if share >= WORTH:
@@ -306,7 +306,7 @@ def _losses(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[E
 
 
 def _solve(seen: Inspection) -> Entry:
-    """A result that is not whole, or not of the scene as it is."""
+    """A result that is incomplete or out of date."""
     solve = (Button(SOLVE, Message("Solve"), (), "LIGHT_SUN"),)
     if seen.is_coarse:
         return Entry(
@@ -329,7 +329,7 @@ def _loss(share: float, reason: str, remedy: Message) -> Message:
 def _remedy(
     seen: Inspection, reason: str, length_text: Callable[[float], str]
 ) -> tuple[Message, tuple[Button, ...]]:
-    """The words and buttons for a loss: with amounts where remedies were sought."""
+    """The words and buttons for a loss, with amounts if remedies were measured."""
     remedy, buttons = REMEDIES[reason]
     if seen.helps is None:
         return remedy, buttons
@@ -356,7 +356,7 @@ def meant_factors(width: float) -> list[float]:
 
 
 def _on_size(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
-    """Glass that was drawn in Blender's units, with no size in mind."""
+    """Glass drawn in Blender's units without a size in mind."""
     glass = [thing for thing in _shown(seen) if thing.role == "GLASS"]
     widest = max(glass, key=lambda thing: thing.width, default=None)
     if widest is None or widest.width <= LARGEST:

@@ -1,6 +1,8 @@
-"""A product of the catalogue on an object: how it is given to it, and which one its values are.
+"""Products of the catalogue on objects: gives an object a product's values, and recognises a
+product
+by them.
 
-No object keeps the name of a product, so that none can be shown that is not there.
+No object stores the name of a product, so a shown name is never out of date.
 """
 
 from collections.abc import Sequence
@@ -21,15 +23,15 @@ from ..read.layout import give_size, size_of
 from ..read.resize import RESIZED_WITHIN, give_side, has_side
 from .inspect_scene import each_material, evaluated, materials_as_shown
 
-SAME_NUMBER = 1e-5  # of it: two numbers in single precision are nearer
-SAME_INDEX = 5e-5  # half the last digit that is shown
+SAME_NUMBER = 1e-5  # relative: numbers in single precision are closer
+SAME_INDEX = 5e-5  # half the last displayed digit
 
 
 @dataclass(frozen=True)
 class Given:
-    """A sentence on an object that was given a product.
+    """The sentence on an object that was given a product.
 
-    is_whole : does it have all of the product, its size, too?
+    is_whole : the object has the product's size, too
     """
 
     text: Message
@@ -37,7 +39,7 @@ class Given:
 
 
 def give_plate(context: bpy.types.Context, plate: bpy.types.Object, product: PlateProduct) -> Given:
-    """Give a plate the mirrors of a product, and its size, about its middle."""
+    """Give a plate the mirrors of a product and, about its centre, the size."""
     side = length_text(context.scene, product.side)
     try:
         give_side(context, plate, product.side / length_of_unit(context.scene))
@@ -63,7 +65,7 @@ def give_plate(context: bpy.types.Context, plate: bpy.types.Object, product: Pla
 def _given(
     thing: bpy.types.Object, preset: str, size: tuple[str, str], error: RigError | None = None
 ) -> Given:
-    """The sentence on an object that was given a product, or all of it but its size."""
+    """The sentence on an object with a new product; `error` if it could not be resized."""
     names = {
         "name": thing.name,
         "preset": preset,
@@ -78,9 +80,9 @@ def _given(
 
 
 def plate_product(context: bpy.types.Context, plate: bpy.types.Object) -> PlateProduct | None:
-    """The product that a plate is by its mirrors and its size; None where it is no known one.
+    """The product with a plate's mirrors and size; None if there is none.
 
-    A piece of it may be crossed and cut as it is: crossing error and phase do not count.
+    A piece of a product may be crossed and cut differently: crossing error and phase do not count.
     """
     if plate.kiriko.plate.model == "IDEAL":
         return None
@@ -104,10 +106,11 @@ def give_display(
     product: DisplayProduct,
     is_upright: bool = False,
 ) -> Given:
-    """Give a display the pixels of a product, and its size, about its middle; its white, too,
-    where its maker tells it.
+    """Give a display a product's resolution, its size about the display's centre, and its luminance
+    if
+    the maker states it.
 
-    is_upright : its longer side goes up, along the UV map's v
+    is_upright : the longer side goes up, along the UV map's v
     """
     turn = -1 if is_upright else 1
     size, pixels = product.size[::turn], product.pixels[::turn]
@@ -128,7 +131,7 @@ def give_display(
 
 
 def display_product(context: bpy.types.Context, display: bpy.types.Object) -> DisplayProduct | None:
-    """The product that a display is by its pixels and its size; None where it is no known one."""
+    """The product with a display's resolution and size; None if there is none."""
     pixels = tuple(display.kiriko.resolution)
     alike = [p for p in DISPLAYS.values() if pixels in (p.pixels, p.pixels[::-1])]
     if not alike:
@@ -147,8 +150,9 @@ def display_product(context: bpy.types.Context, display: bpy.types.Object) -> Di
 
 
 def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> list[Given]:
-    """Give glasses the index of a product: in their materials, where these are theirs alone
-    and have a plain index, else as their override.
+    """Give glasses the index of a product: in their materials if no other object uses them and
+    their
+    index is a plain number, else as an override.
     """
     reasons = {thing: _why_override(thing, glasses) for thing in glasses}
     given = []
@@ -177,13 +181,16 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
 
 
 def index_in_use(glass: bpy.types.Object) -> tuple[float, str] | None:
-    """The index that light is bent with, and the name of the material that it is of, '' where it is
-    the override or the default; None for instances, which each have their own.
+    """The index of a glass, and the name of its material, '' for the override or the default; None
+    for
+    instances, which each have their own.
     """
     ours, scene = glass.kiriko, bpy.context.scene
     if ours.use_ior:
         return ours.ior, ""
-    shown = each_material(scene, glass)  # of many objects the first that refracts is enough
+    shown = each_material(
+        scene, glass
+    )  # of many instances, the first refractive material is enough
     first = next(shown, None)
     if first is None and shows_instances_alone(evaluated(scene, glass)):
         return None
@@ -195,14 +202,14 @@ def index_in_use(glass: bpy.types.Object) -> tuple[float, str] | None:
 
 
 def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
-    """The product that a glass is by that index; None if no known one."""
+    """The product with a glass's index; None if there is none."""
     found = index_in_use(glass)
     near = (p for p in GLASSES.values() if found and abs(p.ior - found[0]) < SAME_INDEX)
     return next(near, None)
 
 
 def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -> str:
-    """Why a glass cannot get its index by its materials, a clause; '' where it can."""
+    """Clause on why the materials cannot give a glass its index; '' if they can."""
     if glass.kiriko.use_ior:
         return Message("it was on already")
 
@@ -233,9 +240,8 @@ def _nodes_of(thing: bpy.types.Object) -> list[bpy.types.NodeTree | None]:
 
 
 def _index_of(material: bpy.types.Material) -> bpy.types.NodeSocket | None:
-    """The index of refraction in a material's own nodes; None where it has none, or nodes set it.
-
-    Of several refractive shaders none can stand for all.
+    """The input for the index of refraction among a material's own nodes; None if there is none,
+    several, or a linked one.
     """
     output = material_output(material)
     if output is None:

@@ -1,5 +1,6 @@
-"""Faults of a mesh that cost light: open edges, faces that look the wrong way, faces within the
-body, and flat faces where a curve seems meant.
+"""Faults of a mesh that cost light: open edges, flipped and interior faces, and flat faces of a
+curved
+surface.
 """
 
 from typing import NamedTuple
@@ -14,27 +15,27 @@ from ...glass.solids import turned_beside
 from ..read.read_mesh import column, read_local
 from .to_do import FaultCounts
 
-BENT = 0.01  # between unit normals; those of files are rounded to 1e-3 or less
-LEAST, MOST = np.radians([0.05, 12.0])  # between facets; faces of one flat facet have less
-ALIKE = 4.0  # times as large may a neighbour on the same curve be: a bevel's facet is larger
-MANY = 400  # hand-cut glass has fewer facets; a sphere as Blender adds it has 512
+BENT = 0.01  # distance between unit normals; files round them to 1e-3 or less
+LEAST, MOST = np.radians([0.05, 12.0])  # between facets; the faces of one flat facet differ by less
+ALIKE = 4.0  # largest area ratio of neighbours on one curve: a bevel's facet is larger
+MANY = 400  # hand-cut glass has fewer facets; Blender's default sphere has 512
 WORTH = 0.25  # of the whole area
 
 
 def counts_of(mesh: bpy.types.Mesh) -> FaultCounts:
-    """Faults of a Blender mesh, evaluated or as it is drawn. Vertices in one place count as one."""
+    """Faults of a Blender mesh, evaluated or as it is drawn. Coincident vertices count as one."""
     local = read_local(mesh)
     n = len(mesh.polygons)
     if not len(local.triangles) or not np.isfinite(local.vertices).all():
         return FaultCounts(n_faces=n)
 
-    # one vertex for those that are welded
+    # one vertex for each group of welded ones
     mesh.calc_loop_triangles()
     drawn = column(mesh.loop_triangles, "vertices", 3, np.int32)
     one = np.arange(len(mesh.vertices))
     one[column(mesh.loops, "vertex_index", 1, np.int32)[local.loops]] = local.triangles
 
-    # faces within a body are no part of its surface
+    # interior faces are not part of a body's surface
     polygons = column(mesh.loop_triangles, "polygon_index", 1, np.int32)
     triangles = one[drawn]
     is_whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
@@ -59,18 +60,19 @@ def counts_of(mesh: bpy.types.Mesh) -> FaultCounts:
 
 
 def _is_bent(mesh: bpy.types.Mesh, polygon: Ints) -> Bools:
-    """Which corners (l,) have another normal than the plane of their polygon (l,)?"""
+    """Mask (l,) of the corners whose normal differs from the plane of their polygon (l,)."""
     plane = column(mesh.polygons, "normal", 3, np.float32)[polygon]
     apart = column(mesh.corner_normals, "vector", 3, np.float32) - plane
     return np.linalg.norm(apart, axis=1) > BENT
 
 
 def open_edges(edges: Ints, triangles: Ints, body: Ints) -> Bools:
-    """Which edges (e, 2) are those of one triangle, or of more than two of one body (t,), of
-    triangles (t, 3).
+    """Mask (e,) of edges (e, 2) with one triangle, or more than two of one body (t,), among
+    triangles
+    (t, 3).
 
-    An edge of no triangle at all is a wire, which no light meets; one between twice the same
-    vertex is a point.
+    An edge without triangles is a wire, which no light meets. An edge from a vertex to itself is a
+    point.
     """
     n = int(max(triangles.max(initial=0), edges.max(initial=0))) + 1
     n_bodies = int(body.max(initial=0)) + 1
@@ -81,7 +83,7 @@ def open_edges(edges: Ints, triangles: Ints, body: Ints) -> Bools:
     is_odd = np.isin(own, keys[of_body[counts != 2] // n_bodies])
     is_open = (edges[:, 0] != edges[:, 1]) & is_odd
 
-    # of two edges in one place only the first counts
+    # coincident edges count once
     is_first = np.zeros(len(own), bool)
     is_first[np.unique(own, return_index=True)[1]] = True
     return is_open & is_first
@@ -93,7 +95,7 @@ def _keys(edges: Ints, n: int) -> Ints:
 
 class _EdgeSides(NamedTuple):
     """Edges between two polygons: both polygons (n,) and (n,), the angle (n,) between their planes,
-    rad, whichever way each is wound, and whether the shading breaks (n,) there.
+    rad, independent of winding, and whether the shading breaks (n,) there.
     """
 
     a: Ints
@@ -103,14 +105,15 @@ class _EdgeSides(NamedTuple):
 
 
 def n_facets(mesh: bpy.types.Mesh, one: Ints) -> int:
-    """How many polygons that look flat stand for a curve; 0 if they are few, or a small part of the
-    whole, as on cut crystal.
+    """Number of flat polygons that approximate a curve; 0 if they are few or a small part of the
+    area,
+    as on cut crystal.
 
-    Coplanar neighbours are one facet, as the two triangles of a quad. A facet of a curve has two
-    neighbours of about its size, at small angles, across edges where the shading breaks. The
-    shading of imported faces breaks by custom normals, too, and by vertices that are not merged.
+    Coplanar neighbours, such as the two triangles of a quad, are one facet. A facet of a curve has
+    two neighbours of similar size, at small angles, across edges where the shading breaks. The
+    shading of imported faces also breaks at custom normals and unmerged vertices.
 
-    one : (v,) the vertex that each counts as: faces may lie edge to edge, each with its own
+    one : (v,) representative of each group of coincident vertices
     """
     if len(mesh.polygons) < MANY:
         return 0
@@ -130,7 +133,7 @@ def n_facets(mesh: bpy.types.Mesh, one: Ints) -> int:
 
 
 def _sides(mesh: bpy.types.Mesh, one: Ints) -> _EdgeSides:
-    """The edges of a mesh that have two polygons."""
+    """The edges of a mesh with two polygons."""
     edge = column(mesh.loops, "edge_index", 1, np.int32)
     if (one != np.arange(len(one))).any():
         ends = np.sort(one[column(mesh.edges, "vertices", 2, np.int32)], axis=1)
@@ -141,7 +144,7 @@ def _sides(mesh: bpy.types.Mesh, one: Ints) -> _EdgeSides:
     first = (np.cumsum(counts) - counts)[counts == 2]
     a, b = order[first], order[first + 1]  # loops
 
-    # the normals at both ends of an edge, as each of its polygons is shaded
+    # the shading normals of both polygons at both ends of an edge
     start = column(mesh.polygons, "loop_start", 1, np.int32)
     total = column(mesh.polygons, "loop_total", 1, np.int32)
     after = np.arange(1, len(edge) + 1)
@@ -155,9 +158,9 @@ def _sides(mesh: bpy.types.Mesh, one: Ints) -> _EdgeSides:
 
 
 def _angle(one: Floats, other: Floats) -> Floats:
-    """Between the lines along vectors (n, 3), rad, 0 to 90 degrees."""
+    """Angle between the lines along vectors (n, 3), rad, 0 to 90 degrees."""
     with np.errstate(invalid="ignore"):
         one, other = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (one, other))
     apart = np.minimum(np.linalg.norm(one - other, axis=1), np.linalg.norm(one + other, axis=1))
-    # half the angle, whose sine is precise where its cosine is not
+    # the sine of half the angle is precise where the cosine of the whole is not
     return 2 * np.arcsin(np.minimum(apart / 2, 1.0))

@@ -1,7 +1,7 @@
-"""Findings on a part: questions, each with its sentence and the buttons that help.
+"""Findings on a part: conditions, each with a sentence and its buttons.
 
-A part has one finding of each row at most: the first whose question is answered yes. What Blender
-does in one step has no button: the sentence names Blender's own verb.
+A part has at most one finding of each row, the first whose condition holds. Single steps in Blender
+have no button: the sentence names Blender's own command.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,7 +12,7 @@ from .to_do import ADVICE, PROBLEM, Button, Entry, Named, Thing
 
 
 def naming(named: Named, **more: object) -> tuple[tuple[str, object], ...]:
-    """Values of the properties of a button that names a part."""
+    """Property values of a button for a part."""
     return (("part", named.name), ("library", named.library), *more.items())
 
 
@@ -28,7 +28,7 @@ def choose_image(thing: Thing) -> Button:
 
 
 def make_glass(thing: Thing) -> Button:
-    """The button that gives an object a material that refracts, with the product it makes."""
+    """The button that gives an object a glass material, labelled with its product."""
     label = Message("Make It Glass ({product})", product=Message("Acrylic"))
     return Button("kiriko.make_glass", label, naming(thing.named), "MATSPHERE")
 
@@ -39,14 +39,16 @@ def thicken(thing: Thing) -> Button:
 
 
 def fill_holes(thing: Thing) -> Button:
-    """The button that closes holes; edges that a modifier opens are not in the mesh."""
+    """The button that closes holes; the object is selected instead if a modifier opens the
+    edges.
+    """
     if not thing.own_faults.n_open:
         return select_part(thing)
     return Button("kiriko.fill_holes", Message("Fill Holes"), naming(thing.named), "SNAP_FACE")
 
 
 def turn_out(thing: Thing) -> Button:
-    """The button that has all faces look out of the glass."""
+    """The button that turns all normals outward."""
     if not (thing.own_faults.n_turned or thing.own_faults.is_inside_out):
         return select_part(thing)
     label = Message("Recalculate Normals")
@@ -54,7 +56,7 @@ def turn_out(thing: Thing) -> Button:
 
 
 def shade_smooth(thing: Thing) -> Button:
-    """The button that shades a mesh smooth, and merges first what a file lists face by face."""
+    """The button that shades a mesh smooth, after merging imported faces."""
     if not thing.own_faults.n_faces:
         return select_part(thing)
     label = Message("Shade Smooth")
@@ -64,27 +66,30 @@ def shade_smooth(thing: Thing) -> Button:
 
 
 def is_brought(thing: Thing) -> bool:
-    """Does a mesh come as loose or flipped triangles, as from files? Then nobody wants it flat."""
+    """Whether a mesh has loose or flipped triangles, as imported files have: then flat shading is
+    not
+    intended.
+    """
     return thing.own_faults.n_turned > 0 or thing.own_faults.n_loose > 0
 
 
 def is_turned(thing: Thing) -> bool:
-    """Has glass faces that look the other way than those beside them?"""
+    """Whether glass has faces flipped against their neighbours."""
     return thing.role == "GLASS" and thing.faults.n_turned > 0
 
 
 def is_facetted(thing: Thing) -> bool:
-    """Does a part look flat where a curve seems meant?"""
+    """Whether a part has flat faces on a curved surface."""
     return thing.faults.n_facets > 0 and not thing.has_facets
 
 
 class Finding(NamedTuple):
     """A finding.
 
-    question : is it so of a part?
+    question : whether it applies to a part
     text : the sentence on the part
-    buttons : those that help, made for the part
-    is_problem : or is it mere advice?
+    buttons : make the part's buttons
+    is_problem : whether it is a problem rather than advice
     """
 
     question: Callable[[Thing], object]

@@ -1,6 +1,6 @@
-"""Inspects a scene for its checklist: cheap, but for the meshes, which are cached.
+"""Inspects a scene for its checklist. Fast, except for meshes, which are cached.
 
-Objects are taken as their modifiers make them, by the last evaluation.
+Objects are inspected with their modifiers, as last evaluated.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -43,17 +43,22 @@ from ..result.result_images import lacks_numbers
 from .faults import counts_of
 from .to_do import FaultCounts, Inspection, Named, Thing
 
-BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
+BOXLESS = {
+    "CURVE",
+    "FONT",
+    "SURFACE",
+}  # types whose bounding box in Blender is not that of their surface
 PROBE = Vector((0.36, 0.48, 0.8))  # along no usual edge
 ENCLOSED_STEP = 1e-6  # of the glass's size, from a hit on
 MOST_HITS = 1000
-CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
+CHECKED = ("GLASS", "MIRROR")  # roles whose mesh light meets
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
 
 class InspectedMesh(NamedTuple):
-    """A mesh that was looked at: its faults as it is read and before modifiers, and the sides (3,)
-    of its box in the object's own space.
+    """An inspected mesh: its faults as read and before modifiers, and the sides (3,) of its box in
+    the
+    object's own space.
     """
 
     as_read: FaultCounts
@@ -72,17 +77,18 @@ def inspect(
 
     Parameters
     ----------
-    found : objects by role, each with what hides it; by NO_PART those that have one all the same
-    missing : phrases on roles that are not there
-    meshes : those of objects that were looked at, by session uid of the object
-    is_stale : is the result that of another scene?
+    found : objects by role, each with the setting that hides it; NO_PART for objects that cannot be
+        parts
+    missing : phrases on missing roles
+    meshes : inspected meshes by session uid of the object
+    is_stale : the result is out of date
     """
     result = scene.kiriko.result
     is_solved = result.source is not None
-    numbers = StoredNumbers.read(result.details).by_name  # Add Rig knows the legibility alone
+    numbers = StoredNumbers.read(result.details).by_name  # Add Rig stores the legibility alone
     details = numbers if is_solved else {}
     helps = details.get("helps")
-    bends = cache(bends_light)  # each material is asked once, though thousands of objects have it
+    bends = cache(bends_light)  # thousands of objects may have the same material
     things = [
         _thing(scene, thing, role, by, meshes.get(thing.session_uid), bends)
         for role, members in found.items()
@@ -112,7 +118,7 @@ def inspect(
 
 
 def _around(scene: bpy.types.Scene, missing: Mapping[str, str]) -> dict[str, Any]:
-    """What is there of the rig and beside it, where something is missing."""
+    """The rig and its surroundings, for missing parts."""
     rig = active_rig(scene)
     cameras = [thing for thing in scene.objects if thing.type == "CAMERA"]
     is_elsewhere = elsewhere(scene)
@@ -165,17 +171,20 @@ def _thing(
 
 
 def _worth_telling(scene: bpy.types.Scene, faults: FaultCounts) -> FaultCounts:
-    """Faults. Closed glass may look inward, unless Cycles shows it, which does not know inside."""
+    """The faults to report. Inward normals of closed glass matter only to Cycles, which tells
+    inside
+    from outside by them.
+    """
     is_told = faults.n_open > 0 or bool(scene.kiriko_scene.looking)
     return faults._replace(is_inside_out=faults.is_inside_out and is_told)
 
 
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
-    """Has an object a surface of its own, and not alone that of objects that it shows?"""
+    """Whether an object has a surface of its own, not only instances."""
     if thing.data is None or thing.type == "EMPTY":
         return False
     shown = evaluated(scene, thing)
-    if thing.type == "META":  # the surface of a family is that of one of them
+    if thing.type == "META":  # one metaball has the surface of its whole family
         return max(shown.dimensions) > 0
     return not shows_instances_alone(shown)
 
@@ -183,7 +192,7 @@ def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
 def sides_of(
     scene: bpy.types.Scene, thing: bpy.types.Object, looked: InspectedMesh | None = None
 ) -> tuple[float, ...]:
-    """The sides of an object's box, Blender units; () where they are not known yet."""
+    """The sides of an object's box, Blender units; () if not computed yet."""
     if thing.type not in BOXLESS:
         return tuple(evaluated(scene, thing).dimensions)
     if looked is None or not looked.sides:
@@ -194,8 +203,8 @@ def sides_of(
 def _in_glass(
     scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str], bends: Bends
 ) -> Iterator[Named]:
-    """Objects without a role that refract, and whose box reaches into that of a glass. Not so tools
-    that cut it, or complete it.
+    """Refractive objects without a role whose box overlaps that of a glass, except tools of its
+    Boolean modifiers.
     """
     boxes = [box_of(scene, glass) for glass, by in glasses.items() if not by]
     if not boxes:
@@ -252,7 +261,7 @@ def _contains(glass: bpy.types.Object, place: Floats) -> bool:
 
 
 def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
-    """Is an object one whose mesh is worth a look, and evaluated as it stands?"""
+    """Whether an object's mesh is to be inspected, and is up to date."""
     return (
         thing.kiriko.role in CHECKED
         and thing.type not in {"EMPTY", "META"}
@@ -264,7 +273,7 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
 
 
 def inspect_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> InspectedMesh:
-    """An object's mesh as it is read, and the faults of the one before modifiers."""
+    """An object's mesh as read, and the faults before modifiers."""
     with mesh_of(thing.evaluated_get(depsgraph)) as mesh:
         as_read = counts_of(mesh)
         points = column(mesh.vertices, "co", 3, np.float32)
@@ -282,8 +291,8 @@ def named(thing: bpy.types.Object) -> Named:
 
 
 def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Object:
-    """An object as its modifiers make it, by the last evaluation: after undo the object itself has
-    the box of its mesh without them.
+    """An object with its modifiers, as last evaluated: after undo the original has the box of its
+    unmodified mesh.
     """
     graph = _graph(scene)
     return thing if graph is None else thing.evaluated_get(graph)
@@ -292,8 +301,8 @@ def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Obje
 def refracts_as_shown(
     scene: bpy.types.Scene, thing: bpy.types.Object, bends: Bends = bends_light
 ) -> bool:
-    """Does any material of an object bend light, or, where modifiers give its faces materials, as
-    geometry nodes do, any of these?
+    """Whether any material of an object refracts; if modifiers such as geometry nodes assign
+    materials, any of these.
     """
     if not _has_made_faces(scene, thing):
         return refracts(thing, bends)
@@ -301,14 +310,14 @@ def refracts_as_shown(
 
 
 def materials_as_shown(scene: bpy.types.Scene, thing: bpy.types.Object) -> list[bpy.types.Material]:
-    """The materials on an object's faces as its modifiers make them, those on most faces first; of
-    an instance of a collection those of its objects.
+    """The materials of an object with its modifiers, the most used first; for an instance of a
+    collection those of its objects.
     """
     return list(each_material(scene, thing))
 
 
 def each_material(scene: bpy.types.Scene, thing: bpy.types.Object) -> Iterator[bpy.types.Material]:
-    """Those of `materials_as_shown`, one after the other."""
+    """The materials of `materials_as_shown`, one by one."""
     if thing.instance_type == "COLLECTION" and thing.instance_collection is not None:
         yield from _materials_of(scene, members_of(thing))
     elif not _has_made_faces(scene, thing):
@@ -322,8 +331,8 @@ def each_material(scene: bpy.types.Scene, thing: bpy.types.Object) -> Iterator[b
 def _materials_of(
     scene: bpy.types.Scene, members: Iterable[bpy.types.Object]
 ) -> Iterator[bpy.types.Material]:
-    """Those of what an instance shows, each once. Meshes are asked for as modifiers make them only
-    where nodes may set materials: of many a Subdivision alone would take seconds.
+    """The materials of instanced objects, each once. Meshes are evaluated only if nodes may set
+    materials: many Subdivision modifiers would take seconds.
     """
     found: set[bpy.types.Material | None] = {None}
     for member in members:
@@ -337,13 +346,13 @@ def _materials_of(
 
 
 def _has_made_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
-    """Has an object faces that are made by modifiers, as evaluated last?"""
+    """Whether modifiers make an object's faces, as last evaluated."""
     is_made = thing.type == "MESH" and any(one.show_viewport for one in thing.modifiers)
     return is_made and len(evaluated(scene, thing).data.polygons) > 0
 
 
 def _graph(scene: bpy.types.Scene) -> bpy.types.Depsgraph | None:
-    """The last evaluation of a scene, in the view layer that is worked on; None where none was."""
+    """The last evaluation of a scene, in the active view layer if the scene is active."""
     is_here = bpy.context.scene == scene
     layer = bpy.context.view_layer if is_here else scene.view_layers[0]
     return layer.depsgraph
@@ -358,12 +367,12 @@ def box_of(scene: bpy.types.Scene, thing: bpy.types.Object) -> tuple[Floats, Flo
 
 
 def is_flat(sides: tuple[float, ...]) -> bool:
-    """Is a box with these sides one without a thickness, and no mere point, as that of no face?"""
+    """Whether a box with these sides is flat, and not a mere point."""
     return min(sides, default=1.0) == 0 < max(sides, default=0.0)
 
 
 def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
-    """Why a plane shows no picture; '' where it does."""
+    """Why a plane shows no picture; '' if it shows one."""
     if scene.kiriko.picture_source == "IMAGE":
         return ""
     image = image_of(picture)
@@ -377,7 +386,7 @@ def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
 
 
 def why_no_own_image(scene: bpy.types.Scene) -> str:
-    """Why an image in the viewers' own pixels cannot be read; '' where all can."""
+    """Why an image in the viewers' own pixels cannot be read; '' if all can."""
     own = [
         (seat.image, Message("the viewer '{viewer}'", viewer=seat.camera.name))
         for seat in seats_of(scene)
@@ -394,7 +403,9 @@ def why_no_own_image(scene: bpy.types.Scene) -> str:
 def lost_parts(
     scene: bpy.types.Scene, found: Mapping[str, Mapping[bpy.types.Object, str]]
 ) -> Iterator[tuple[str, str]]:
-    """Sentences on data that a library lacks, and parts, viewers or the scene need; its name."""
+    """Sentences on data missing from a library that parts, viewers or the scene need, each with the
+    library's name.
+    """
     lost = find_lost()
     if not lost:
         return

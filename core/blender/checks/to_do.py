@@ -1,16 +1,16 @@
-"""The nouns of the checklist: what was found in a scene, and the entries that come of it."""
+"""Records of the checklist: findings in a scene, and the entries made from them."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ...bench.measured_remedies import Help
 
-PROBLEM, ADVICE = "ERROR", "INFO"  # as Blender's icons are called
+PROBLEM, ADVICE = "ERROR", "INFO"  # Blender's names of the icons
 SOLVE = "kiriko.solve"
 
 
 class Named(NamedTuple):
-    """An object by its name, and the file it is linked from, '' for none."""
+    """An object's name, and the file it is linked from, '' for none."""
 
     name: str
     library: str = ""
@@ -19,14 +19,14 @@ class Named(NamedTuple):
 class FaultCounts(NamedTuple):
     """Faults of a mesh.
 
-    n_faces : polygons in all
+    n_faces : all polygons
     n_open : edges of one face, or of more than two of one body
-    n_turned : polygons that face the other way than most of those that they share vertices with
-    is_turned_smooth : has one of these normals other than its plane's?
-    is_inside_out : do the faces look into the body?
-    n_inner : polygons within the body that the others make
-    n_facets : polygons that look flat where a curve seems meant
-    n_loose : vertices in the place of another one
+    n_turned : polygons flipped against most of their neighbours
+    is_turned_smooth : one of them has a normal other than its plane's
+    is_inside_out : the faces point into the body
+    n_inner : polygons inside the body
+    n_facets : flat polygons on a curved surface
+    n_loose : vertices coincident with another one
     """
 
     n_faces: int = 0
@@ -44,7 +44,7 @@ NO_FAULTS = FaultCounts()
 
 @dataclass(frozen=True)
 class Button:
-    """An operator, the words on its button, and the values of its properties."""
+    """An operator, its button's label, and the values of its properties."""
 
     operator: str
     label: str
@@ -54,10 +54,10 @@ class Button:
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing to do.
+    """One step of the checklist.
 
-    icon : PROBLEM where light is lost or nothing can be solved, ADVICE else
-    can_wait : is it known only by a look at a mesh, or by a result, and of use after Solve, too?
+    icon : PROBLEM if light is lost or nothing can be solved, else ADVICE
+    can_wait : found by inspecting a mesh or in a result, and also useful after Solve
     """
 
     text: str
@@ -67,12 +67,12 @@ class Entry:
 
     @property
     def asks_to_solve(self) -> bool:
-        """Is Solve what it asks for?"""
+        """Whether the entry's remedy is Solve."""
         return any(button.operator == SOLVE for button in self.buttons)
 
 
 def is_first(entry: Entry) -> bool:
-    """Does an entry stand above Solve?"""
+    """Whether an entry belongs before Solve."""
     return not (entry.can_wait or entry.asks_to_solve)
 
 
@@ -80,15 +80,15 @@ def is_first(entry: Entry) -> bool:
 class Thing:
     """An object with a role, as far as the checklist needs it.
 
-    hidden_by : to follow "is hidden"; '' where it is shown
+    hidden_by : words after "is hidden"; '' if visible
     width : m, the longest side of its box
-    is_mesh : and no curve, surface or text, whose mesh Blender makes
-    is_opaque : does no material of glass refract?
-    has_place : can it be given a material in this file?
-    no_picture : a sentence on why a plane shows none
-    faults : of its mesh as it is read; none where not known yet
-    own_faults : of its mesh before modifiers, which can be edited
-    has_facets : are facets wanted of it, by its setting Surface?
+    is_mesh : not a curve, surface or text
+    is_opaque : none of its materials is glass
+    has_place : this file can give it a material
+    no_picture : why a plane shows no picture
+    faults : of its mesh as read; none if not inspected yet
+    own_faults : of its editable mesh, before modifiers
+    has_facets : its setting Surface asks for facets
     """
 
     named: Named
@@ -110,24 +110,24 @@ class Thing:
 class Inspection:
     """A scene as far as its checklist needs it.
 
-    missing : phrases on the roles that a rig needs and has not, by role
-    has_rig : has the scene a rig of Add Rig?
-    has_own_camera : is there one that was made for that rig?
-    cameras : names of the scene's cameras, those made for the rig first
-    no_parts : sentences on objects that have a role and can be no part, and their names
+    missing : phrases on missing roles, by role
+    has_rig : Add Rig made a rig
+    has_own_camera : a camera was made for that rig
+    cameras : names of the scene's cameras, those of the rig first
+    no_parts : sentences on objects with a role that cannot be parts, and their names
     solids : objects without a role that may be glass, the active one first
-    in_glass : objects without a role that refract, and stand within the glass
+    in_glass : refractive objects without a role inside the glass
     enclosed : names of a viewer and of the glass around it
-    lost : sentences on data that is missing from a library, and that library's name
-    misses : shares of the picture by the reason why they are lost, of the last result
-    misses_of_others : the same for each viewer but the one that is shown, by name
-    helps : remedies that were found for them, the most helpful first; None where none were sought
-    legibility : of the picture, 0..1, by the last result; None if it is not known
-    legible_by : remedies that were found to raise it, the most helpful first
-    lacks_numbers : is the source image final, without its numbers?
-    is_doubled : are there copies of a rig's display and picture beside them?
-    for_most : m, the longest side of a new rig's display for most of its light; 0: not known
-    is_followed : does Live follow the scene, so that the final image comes by itself?
+    lost : sentences on data missing from a library, and the library's name
+    misses : lost shares of the picture in the last result, by reason
+    misses_of_others : the same by name for each viewer but the visible one
+    helps : measured remedies, the most effective first; None if none were measured
+    legibility : of the picture, 0..1, by the last result; None if not computed
+    legible_by : measured remedies for it, the most effective first
+    lacks_numbers : the source image is final, but has no figures yet
+    is_doubled : the rig has copies of its display and picture
+    for_most : m, the longest side of a new rig's display for most of its light; 0 if not computed
+    is_followed : Live follows the scene, so the final image comes by itself
     """
 
     things: tuple[Thing, ...] = ()

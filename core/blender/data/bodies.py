@@ -1,4 +1,4 @@
-"""Which objects have a surface, so that they can be a part of a rig?"""
+"""Objects with a surface, which can be parts of a rig, and Boolean tools, which cannot."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,13 +9,13 @@ from ...base.errors import RigError
 from ...base.messages import Message, as_message
 
 NO_SURFACE = Message("it has no surface")
-NO_PART = "NONE"  # as the role of objects that have one, and can have none
-OUTLINES = {"BOUNDS", "WIRE"}  # as tools of modifiers are drawn
+NO_PART = "NONE"  # the role of objects that have one, but cannot be parts
+OUTLINES = {"BOUNDS", "WIRE"}  # display types of Boolean tools
 SURFACELESS = {"ARMATURE", "CAMERA", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 
 
 def bodiless(thing: bpy.types.Object) -> str:
-    """Why an object can have no role, as the end of a sentence; '' where it can."""
+    """Clause on why an object can have no role; '' if it can have one."""
     if thing.type == "EMPTY":
         is_instance = thing.instance_type == "COLLECTION" and thing.instance_collection is not None
         return "" if is_instance else NO_SURFACE
@@ -24,12 +24,12 @@ def bodiless(thing: bpy.types.Object) -> str:
 
 
 def role_label(owner: bpy.types.Object) -> Message:
-    """The word the user sees for an object's role."""
+    """The label of an object's role."""
     return as_message(owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name)
 
 
 def check_body(thing: bpy.types.Object) -> None:
-    """Raise RigError where an object has a role, and can have none."""
+    """Raise RigError if an object with a role cannot have one."""
     if why := bodiless(thing):
         raise RigError(
             "'{name}' has the role {role}, but {why}. Set its role to None.",
@@ -49,15 +49,15 @@ def no_part(thing: bpy.types.Object) -> str:
 
 
 def has_no_place(matrix: Sequence[Sequence[float]]) -> bool:
-    """Has a matrix (4, 4) numbers that are none, or whose squares Blender's single precision cannot
-    hold, so that an object has no place or size by it?
+    """Whether a matrix (4, 4) has non-finite numbers, or numbers whose squares exceed single
+    precision.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         return not np.isfinite(np.square(np.array(matrix, np.float32))).all()
 
 
 def on_no_place(name: str) -> Message:
-    """The sentence on such an object."""
+    """The sentence on an object with such a matrix."""
     return Message(
         "The location, rotation or scale of '{name}' is invalid or too large. Reset it.",
         name=name,
@@ -65,9 +65,8 @@ def on_no_place(name: str) -> Message:
 
 
 def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.BooleanModifier]:
-    """Objects that are no bodies of their own, but cut or complete others among these by a Boolean
-    modifier, and the modifier of each. Wine that is cut out of its glass is a body: it is rendered,
-    and no mere outline in the viewport.
+    """Objects that only serve others of these as tools of a Boolean modifier, with the modifier of
+    each. Wine that cuts its glass is not a tool: it is rendered, and not drawn as an outline.
     """
     used: dict[bpy.types.Object, bpy.types.BooleanModifier] = {}
     for modifier in (one for whole in things for one in whole.modifiers):
@@ -83,19 +82,19 @@ def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types
 
 
 def use_of(modifier: bpy.types.BooleanModifier) -> Message:
-    """Why a tool of a Boolean modifier is no glass, as the end of a sentence."""
+    """Clause on why a Boolean tool cannot be glass."""
     return Message("a Boolean modifier of '{name}' uses it", name=modifier.id_data.name)
 
 
 def shows_instances_alone(shown: bpy.types.Object) -> bool:
-    """Does an evaluated object show nothing but instances of others, by its nodes?"""
+    """Whether the nodes of an evaluated object make nothing but instances."""
     has_nodes = any(m.type == "NODES" and m.show_viewport for m in shown.modifiers)
     return has_nodes and shown.type == "MESH" and not len(shown.data.polygons)
 
 
 def members_of(thing: bpy.types.Object) -> Iterator[bpy.types.Object]:
-    """The objects that an instance of a collection shows, once each, those of instances within it,
-    too; none of other objects.
+    """The objects of an instanced collection, each once, including nested instances; none for other
+    objects.
     """
     todo, met = [thing], set()
     while todo:
@@ -108,7 +107,7 @@ def members_of(thing: bpy.types.Object) -> Iterator[bpy.types.Object]:
 
 
 def faceless(thing: bpy.types.Object) -> RigError:
-    """The error that an object shows nothing which could be glass by its role."""
+    """The error on an object without a surface for its role."""
     for member in members_of(thing):
         if member.kiriko.role != "NONE":
             return RigError(

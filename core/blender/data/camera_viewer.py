@@ -1,4 +1,4 @@
-"""Reads a camera into a Viewer: the same pixel grid as a render from it, in float64."""
+"""Reads a camera as a Viewer: the pixel grid of its render, in float64."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,15 +12,13 @@ from ...base.errors import RigError
 from ...rig.rig import Rig, Viewer
 from .rigs import RIG_MARK
 
-MOST_SHEAR = 1e-4  # axes further from perpendicular than this are no float32 noise
-SAME_SHAPE = 1e-3  # of width to height: nobody sees less
+MOST_SHEAR = 1e-4  # axes further from perpendicular are not float32 noise
+SAME_SHAPE = 1e-3  # ratio of width to height: a smaller difference is invisible
 PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic"}
 
 
 class Frame(NamedTuple):
-    """Pixels of a viewer's image, as a render has them: the
-    whole, the percentage of it that is seen, their aspect.
-    """
+    """Resolution of a viewer's image as in render settings: full size, percentage, pixel aspect."""
 
     width: int
     height: int
@@ -30,24 +28,24 @@ class Frame(NamedTuple):
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in pixels; Blender cuts the percentage down to whole ones."""
+        """Width and height in pixels; Blender truncates the percentage."""
         return max(self.width * self.percentage // 100, 1), max(
             self.height * self.percentage // 100, 1
         )
 
     def has_shape_of(self, other: "Frame") -> bool:
-        """Is the image as wide for its height as another?"""
+        """Whether two images have the same ratio of width to height."""
         own, its = (f.width * f.aspect_x / (f.height * f.aspect_y) for f in (self, other))
         return abs(own - its) < SAME_SHAPE * its
 
 
 def no_camera() -> RigError:
-    """The error of an entry of the list of viewers that has none."""
+    """The error on an entry of the viewer list without a camera."""
     return RigError("An entry in the viewer list has no camera. Choose one, or remove the entry.")
 
 
 def frame_of(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Frame:
-    """The pixels a camera has of its own, which are square, or those of the scene's render."""
+    """The camera's own resolution, in square pixels, or the scene's."""
     ours = camera.original.kiriko
     if ours.use_resolution:
         return Frame(*ours.resolution)
@@ -55,7 +53,7 @@ def frame_of(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Fram
 
 
 def frame_of_render(render: bpy.types.RenderSettings) -> Frame:
-    """The pixels of a scene's render."""
+    """The resolution of a scene's render."""
     return Frame(
         width=render.resolution_x,
         height=render.resolution_y,
@@ -68,7 +66,7 @@ def frame_of_render(render: bpy.types.RenderSettings) -> Frame:
 def image_window(
     lens: bpy.types.Camera, frame: Frame, metres: float
 ) -> tuple[float, float, float, float]:
-    """Left, right, bottom, top of the image as `Viewer.window` wants them.
+    """Left, right, bottom, top of the image, for `Viewer.window`.
 
     Source: BKE_camera_params_compute_viewplane in Blender's camera.cc, in float64. `metres` is the
     length of a Blender unit. An AUTO fit lays the sensor's *width* along the longer side of the
@@ -88,7 +86,7 @@ def image_window(
             lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width
         ) / lens.lens
 
-    # sizes on the plane at unit distance, or on the camera's own
+    # sizes on the plane at unit distance, or on the camera's plane if orthographic
     pixel = size / (across if is_horizontal else along)
     half_x = 0.5 * across * pixel
     half_y = 0.5 * along * pixel
@@ -99,10 +97,11 @@ def image_window(
 
 
 def orthonormal_axes(matrix: Floats, name: str) -> Floats:
-    """Rows right, up, forward of a camera with this world
-    matrix (4, 4); its scale is ignored, as Blender does.
+    """Rows right, up, forward of a camera with this world matrix (4, 4); its scale is ignored, as
+    in
+    Blender.
 
-    The nearest orthonormal frame (polar decomposition), so that float32 noise is shared out evenly.
+    The nearest orthonormal frame (polar decomposition), which spreads float32 noise evenly.
     """
     columns = matrix[:3, :3] / np.maximum(
         np.linalg.norm(matrix[:3, :3], axis=0), np.finfo(float).tiny
@@ -119,8 +118,8 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
 
 
 class Seat(NamedTuple):
-    """A viewer as the scene has it: its camera, None where that is gone, its weight, and the image
-    in its pixels that is no other's, None where it has none.
+    """A viewer of the scene: its camera, None if deleted, its weight, and its own image if it
+    has one.
     """
 
     camera: bpy.types.Object | None
@@ -131,8 +130,8 @@ class Seat(NamedTuple):
 def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
     """The camera of an entry of the scene's viewers.
 
-    The first entry is the viewer that was chosen, else that of a rig whose collection an object
-    instances, as by Link, else the scene's own camera.
+    The first entry is the chosen viewer, else the camera of an instanced rig, as after Link, else
+    the scene's camera.
     """
     ours = scene.kiriko
     own = ours.viewers[number].camera if number < len(ours.viewers) else None
@@ -144,8 +143,8 @@ def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
 def instanced_viewers(
     scene: bpy.types.Scene,
 ) -> Iterator[tuple[bpy.types.Object, bpy.types.Object]]:
-    """Cameras that Add Rig made for rigs whose collections objects of a scene instance, each with
-    that object.
+    """Cameras of rigs whose collections are instanced in a scene, each with the instancing
+    object.
     """
     for rig in bpy.data.collections:
         if not rig.kiriko.is_rig:
@@ -157,9 +156,9 @@ def instanced_viewers(
 
 
 def is_deleted(camera: bpy.types.Object) -> bool:
-    """Is a camera in no collection any more, and only kept by what has chosen it?
+    """Whether a camera is in no collection any longer, and only its users keep it.
 
-    A camera whose collection an empty stands for is in no scene, and is not deleted.
+    A camera in an instanced collection is in no scene either, but not deleted.
     """
     return not camera.users_collection and camera.library is None
 
@@ -178,26 +177,24 @@ def seats_of(scene: bpy.types.Scene) -> list[Seat]:
 
 
 def own_images(scene: bpy.types.Scene) -> list[bpy.types.Image]:
-    """The images that viewers who are on have for themselves, in their order."""
+    """The viewers' own images, for viewers that are on, in their order."""
     return [seat.image for seat in seats_of(scene) if seat.image is not None]
 
 
 def number_shown(scene: bpy.types.Scene) -> int:
-    """The chosen entry of the list of viewers, which a script may have set beyond its end."""
+    """The chosen entry of the list of viewers; a script may have set it beyond the end."""
     return min(scene.kiriko.viewer_shown, max(len(scene.kiriko.viewers) - 1, 0))
 
 
 def viewer_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The camera of the scene's viewer that is shown: the chosen one of the list, or the first
-    that is on where it is off.
-    """
+    """The camera of the visible viewer: the chosen one, or the first that is on."""
     number = number_shown(scene)
     is_on = [n for n, one in enumerate(scene.kiriko.viewers) if one.is_on]
     return camera_at(scene, number if number in is_on else (is_on or [number])[0])
 
 
 def shown_first(rig: Rig, scene: bpy.types.Scene) -> Rig:
-    """The rig with the viewer that is shown before the others: core tells of the first one."""
+    """The rig with its visible viewer first, since core reports the first one."""
     camera = viewer_of(scene)
     if camera is None or len(rig.viewers) < 2:
         return rig
@@ -215,14 +212,14 @@ def read_viewer(
     Parameters
     ----------
     camera : the camera object; parents, constraints and animation count
-    render : of the scene, whose pixels count where the camera has none of its own
+    render : the scene's render settings, for a camera without its own resolution
     metres : length of a Blender unit in m
 
     Raises
     ------
-    RigError : it is no camera, or a panoramic or sheared one
+    RigError : the object is not a camera, or a panoramic or sheared one
     """
-    if camera.type != "CAMERA":  # Blender takes any object as the scene's camera
+    if camera.type != "CAMERA":  # Blender accepts any object as the scene's camera
         raise RigError(
             "The viewer '{viewer}' is not a camera. Choose a camera.", viewer=camera.name
         )

@@ -1,7 +1,7 @@
-"""Changes of settings of things that were there before, so that they can be put back.
+"""Reversible changes of settings of existing things.
 
-A setting is named by its path, as Blender's `path_resolve` takes it. It is put back only while it
-has the value that Kiriko gave it: whoever has changed it since keeps his own.
+A setting is identified by its path, for Blender's `path_resolve`. It is restored only while it has
+the value set by Kiriko: a later change by the user stays.
 """
 
 from typing import Any
@@ -12,13 +12,13 @@ Change = tuple[str, Any, Any]  # path, value before and after: numbers, words, l
 
 
 def value_of(owner: bpy.types.bpy_struct, path: str) -> Any:
-    """The value of a setting, as JSON can keep it."""
+    """The value of a setting, as JSON can store it."""
     value = owner.path_resolve(path)
     return value if isinstance(value, str | int | float) else list(value)
 
 
 def change(owner: bpy.types.bpy_struct, values: dict[str, Any]) -> list[Change]:
-    """Give settings other values, one after the other; returns those that are others now."""
+    """Set values in order; returns the changes that were made."""
     before = {path: value_of(owner, path) for path in values}
 
     try:
@@ -34,13 +34,13 @@ def change(owner: bpy.types.bpy_struct, values: dict[str, Any]) -> list[Change]:
 
 
 def put_back(owner: bpy.types.bpy_struct, changes: list[Change]) -> None:
-    """Take changes back, the last one first. Settings that
-    are gone, as with an add-on of theirs, are passed by.
+    """Undo changes, the last one first. Settings that no longer exist, such as an add-on's, are
+    skipped.
     """
     for path, before, after in reversed(changes):
         try:
             is_ours = value_of(owner, path) == after
-        except ValueError:  # as Blender says that there is no such path
+        except ValueError:  # Blender's error for an unknown path
             continue
         if is_ours:
             _set(owner, path, before)
@@ -50,6 +50,6 @@ def _set(owner: bpy.types.bpy_struct, path: str, value: Any) -> None:
     group, _, name = path.rpartition(".")
     try:
         setattr(owner.path_resolve(group) if group else owner, name, value)
-    except TypeError:  # an engine or another choice that is gone
+    except TypeError:  # an engine or other choice that no longer exists
         if value_of(owner, path) != value:
             raise

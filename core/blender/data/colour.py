@@ -1,8 +1,7 @@
-"""Colours of Blender's images as linear Rec.709, and back, by Blender's own conversions.
+"""Colours of Blender's images to and from linear Rec.709, by Blender's own conversions.
 
-Blender has float images in its working space, which is not always Rec.709, and 8-bit ones as their
-colour space encodes them. A user's colour configuration may name the spaces as it likes, or hide
-them: no name is asked for.
+Float images are in Blender's working space, which is not always Rec.709; 8-bit ones are encoded in
+their colour space. A custom colour configuration may rename or hide spaces, so no name is used.
 """
 
 import bpy
@@ -14,12 +13,13 @@ from ...base.arrays import Floats
 from ...files import png
 from ...files.encoding import linear_from_srgb
 
-ROUNDED = 1e-5  # by which Blender 4.2's matrix from Rec.709 to itself is off
-# by which linear light may be off: below half a step of sRGB's 8 bits, which is 1.5e-4 in the dark
+ROUNDED = 1e-5  # error of Blender 4.2's matrix from Rec.709 to itself
+# allowed error of linear light: less than half a step of sRGB's 8 bits, 1.5e-4 in the dark
 ALIKE = 1e-4
-AT_ONCE = 1 << 20  # pixels that Blender converts at once
+AT_ONCE = 1 << 20  # pixels converted in one pass
 BYTES = np.arange(256)
-# by the names of a space and the working space: as Blender has all evaluated anew after it converts
+# by the names of a space and the working space; cached, since Blender re-evaluates everything after
+# a conversion
 _tables: dict[tuple[str, bytes | None], NDArray[np.float32] | None] = {}
 
 
@@ -29,8 +29,8 @@ TABLES = tuple(
 
 
 def rec709_from_working() -> Floats | None:
-    """The matrix (3, 3) from linear colours of the working space to Rec.709; None where these are
-    the same.
+    """The matrix (3, 3) from linear colours of the working space to Rec.709; None if they are the
+    same.
     """
     columns = [Color(axis).from_scene_linear_to_rec709_linear() for axis in np.eye(3)]
     matrix = np.array(columns, float).T
@@ -38,7 +38,7 @@ def rec709_from_working() -> Floats | None:
 
 
 def to_rec709(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The pixels (h, w, 3 or 4), which are used up, from the working space to linear Rec.709."""
+    """Pixels (h, w, 3 or 4) from the working space to linear Rec.709, converted in place."""
     matrix = rec709_from_working()
     if matrix is not None:
         pixels[..., :3] = pixels[..., :3] @ matrix.T.astype(np.float32)
@@ -46,7 +46,9 @@ def to_rec709(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def from_rec709(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Linear Rec.709 pixels (h, w, 3 or 4) in the working space: these themselves if it is that."""
+    """Linear Rec.709 pixels (h, w, 3 or 4) in the working space: the same array if it is
+    Rec.709.
+    """
     matrix = rec709_from_working()
     if matrix is None:
         return pixels
@@ -56,8 +58,8 @@ def from_rec709(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def table_of(image: bpy.types.Image) -> NDArray[np.float32] | None:
-    """The linear Rec.709 light (256,) of an 8-bit image's numbers, the same for each channel, where
-    they are linear or encoded as in sRGB; else None.
+    """Table (256,) from an 8-bit image's values to linear Rec.709 light, the same for each channel;
+    None unless they are linear or encoded as sRGB.
     """
     matrix = rec709_from_working()
     of_space = image.colorspace_settings.name, None if matrix is None else matrix.tobytes()
@@ -76,12 +78,12 @@ def _found_table(image: bpy.types.Image) -> NDArray[np.float32] | None:
 
 
 def converted(image: bpy.types.Image, numbers: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """The linear Rec.709 light of numbers (h, w, 3) in an image's colour space.
+    """The linear Rec.709 light of values (h, w, 3) in an image's colour space.
 
-    Blender converts what it loads as float: here the same numbers, as a PNG file of 16 bits.
+    Blender converts on loading as float, so the values are loaded from a PNG file of 16 bits.
     """
     data = png.encoded(numbers.astype(np.uint16) * 257, level=0)
-    copy = image.copy()  # it has the colour space, even one that has no name
+    copy = image.copy()  # has the colour space, even an unnamed one
     try:
         copy.source = "FILE"
         copy.pack(data=data, data_len=len(data))
@@ -93,7 +95,7 @@ def converted(image: bpy.types.Image, numbers: NDArray[np.uint8]) -> NDArray[np.
 
 
 def decode(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
-    """Put the linear Rec.709 light of an 8-bit image's numbers 0..1 (h, w, 4) in their place."""
+    """Replace an 8-bit image's values 0..1 (h, w, 4) by their linear Rec.709 light."""
     step = max(1, AT_ONCE // pixels.shape[1])
     for first in range(0, len(pixels), step):
         rows = pixels[first : first + step, :, :3]

@@ -1,4 +1,4 @@
-"""The files that the open .blend reads, as whoever copies it to another machine needs them."""
+"""External files of the open .blend, needed to copy it to another machine."""
 
 import glob
 import re
@@ -6,12 +6,12 @@ from pathlib import Path
 
 import bpy
 
-TILE = "<UDIM>"  # in an image's path, where each of its tiles has its number
+TILE = "<UDIM>"  # in an image's path, the place of a tile's number
 
 
 def files_read() -> list[str]:
-    """Their absolute paths, each once and sorted: of a sequence those of all its frames that are
-    there, of tiles likewise. What is packed is in the file, what Blender brings every worker has.
+    """Absolute paths, each once and sorted: for a sequence its existing frames, for tiles likewise.
+    Packed files and Blender's own are left out.
     """
     own = Path(bpy.utils.system_resource("DATAFILES"))
     paths = bpy.utils.blend_paths(absolute=True, packed=False)
@@ -29,7 +29,7 @@ def files_read() -> list[str]:
 
 
 def _frames(path: Path) -> set[str]:
-    """The files of a sequence: the last digits in a name are a frame's number."""
+    """The files of a sequence: the last digits in a name are the frame number."""
     before, _, after = re.fullmatch(r"(.*?)(\d*)(\D*)", path.stem).groups()
     name = re.compile(rf"{re.escape(before)}\d+{re.escape(after + path.suffix)}")
     there = path.parent.iterdir() if path.parent.is_dir() else ()

@@ -1,4 +1,4 @@
-"""Makes Image datablocks of pixels, and saves them within the file."""
+"""Creates Image datablocks from pixels, and packs them into the file."""
 
 import tempfile
 from collections.abc import Iterator
@@ -14,16 +14,18 @@ from ...files.encoding import encode, quantised
 from ...files.png import encoded
 from .colour import from_rec709, rec709_from_working, to_rec709
 
-THUMBNAIL = 256  # px, at most: as large as Blender makes them
-UNPACKED = ""  # its packed file is of older pixels, if there is one
-PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
+THUMBNAIL = 256  # px, Blender's largest size
+UNPACKED = ""  # its packed file, if any, has older pixels
+PACKED_MARK = "kiriko_packed"  # on an image: identifies its packed file
 WORKING_MARK = "kiriko_working"  # on an image: the matrix to Rec.709 of the space it was made in
-_read: dict[int, str] = {}  # by session uid of the image: the packed file whose pixels Blender has
+_read: dict[
+    int, str
+] = {}  # by session uid of the image: the packed file of the pixels in Blender's memory
 
 
 @contextmanager
 def or_none(image: bpy.types.Image) -> Iterator[None]:
-    """Remove a new image again if the code within, which makes it whole, goes wrong."""
+    """Remove a new image if the enclosed code fails."""
     try:
         yield
     except BaseException:
@@ -36,7 +38,7 @@ def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
 
     Parameters
     ----------
-    name : wanted name; Blender adds a number where it is taken
+    name : wanted name; Blender adds a number if it is in use
     pixels : (h, w, 3 or 4) float, linear Rec.709, row 0 at the top
     """
     pixels = np.asarray(pixels, np.float32)
@@ -55,18 +57,19 @@ def _working_mark() -> list[float]:
 
 
 def is_in_working_space(image: bpy.types.Image) -> bool:
-    """Was an image of ours made in the working space that the file has now?"""
+    """Whether an image was made in the file's present working space."""
     return list(image.get(WORKING_MARK, ())) == _working_mark()
 
 
 def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
-    """Give a float image of the same size other pixels (h, w, 3 or 4), linear Rec.709, row 0 at the
-    top. It stays unsaved.
+    """Replace the pixels of a float image by others (h, w, 3 or 4) of the same size, linear
+    Rec.709,
+    row 0 at the top. It stays unsaved.
     """
     numbers = from_rec709(pixels)
     height, width, channels = numbers.shape
     rgba = np.ones((height, width, 4), np.float32)
-    for channel in range(channels):  # numpy is slow where rows are a few numbers long
+    for channel in range(channels):  # numpy is slow for rows of a few numbers
         rgba[..., channel] = numbers[::-1, :, channel]
     image.pixels.foreach_set(rgba.ravel())
     image.update()
@@ -76,7 +79,7 @@ def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
 
 
 def _set_thumbnail(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
-    """Give an image the means of its pixels as its thumbnail: Blender's own takes every nth."""
+    """Make an image's thumbnail from means of its pixels: Blender's own samples every nth."""
     height, width = pixels.shape[:2]
     step = -(-max(height, width) // THUMBNAIL)
     means = _means(_means(pixels[..., :3], step).swapaxes(0, 1), step).swapaxes(0, 1)
@@ -88,7 +91,7 @@ def _set_thumbnail(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
 
 
 def _means(values: NDArray[np.float32], step: int) -> NDArray[np.float32]:
-    """Means of each `step` rows, and of those that are left: 5 times as fast as `reduceat`."""
+    """Means of each `step` rows, and of the remaining ones: 5 times as fast as `reduceat`."""
     means = values[::step].copy()
     for first in range(1, step):
         more = values[first::step]
@@ -112,19 +115,20 @@ def pixels_from_image(image: bpy.types.Image) -> NDArray[np.float32]:
 
 
 def holds(image: bpy.types.Image, pixels: NDArray[np.float32]) -> bool:
-    """Has a float image these pixels (h, w, 3), linear Rec.709?"""
+    """Whether a float image has these pixels (h, w, 3), linear Rec.709."""
     return np.array_equal(stored_numbers(image)[..., :3], from_rec709(pixels))
 
 
 def encoded_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:
-    """New packed 8-bit sRGB image of linear pixels (h, w, 3),
-    row 0 at the top: small in the file, for pictures.
+    """New packed 8-bit sRGB image of linear pixels (h, w, 3), row 0 at the top: small in the file,
+    for
+    pictures.
     """
     return packed_image(name, encoded(quantised(pixels, "uint8")))
 
 
 def packed_image(name: str, png: bytes) -> bpy.types.Image:
-    """New image of a PNG file in memory. Blender reads its pixels, and its size, when asked."""
+    """New image of a PNG file in memory. Blender reads its pixels and size on demand."""
     image = bpy.data.images.new(name, 1, 1, alpha=False)
     with or_none(image):
         image.pack(data=png, data_len=len(png))
@@ -137,11 +141,11 @@ def pack(image: bpy.types.Image, name: str) -> None:
     """Save a float image within the file as `name`.exr, every number exact.
 
     Blender's own packing of a new image does not compress: 16 bytes a pixel, in the file and in
-    each undo step. But it needs no file: it is the way that is left where there is no room for one.
+    each undo step. It needs no temporary file, so it is the fallback if there is no space for one.
     """
     try:
         data = _compressed(image)
-    except (OSError, RuntimeError):  # the second is how Blender says the same
+    except (OSError, RuntimeError):  # Blender's name of the same error
         image.pack()
     else:
         image.pack(data=data, data_len=len(data))
@@ -151,10 +155,11 @@ def pack(image: bpy.types.Image, name: str) -> None:
 
 
 def read_anew(image: bpy.types.Image) -> bool:
-    """Have a packed image be read from its file when its pixels are next asked for, unless those
-    that Blender has are of this very file; are they not?
+    """Have a packed image reload from its file on next use, unless its pixels are already that
+    file's;
+    returns whether it reloads.
 
-    Undo puts back what is packed, and leaves what Blender has read of it before.
+    Undo restores the packed file, but not the pixels read from it before.
     """
     if image.packed_file is None or image.is_dirty:
         return False
@@ -167,7 +172,7 @@ def read_anew(image: bpy.types.Image) -> bool:
 
 
 def is_out_of_date(image: bpy.types.Image) -> bool:
-    """Is the packed file of an image older than the pixels that it was given since, or missing?"""
+    """Whether an image's packed file is missing, or older than its pixels."""
     return image.get(PACKED_MARK) == UNPACKED
 
 
@@ -190,8 +195,9 @@ def _compressed(image: bpy.types.Image) -> bytes:
 
 
 def size_of(path: Path) -> tuple[int, int]:
-    """Width and height of an image file, 0 where it is missing or broken, by Blender's own means:
-    not every Blender's Python has OpenImageIO.
+    """Width and height of an image file, 0 if missing or broken, read by Blender: not every
+    Blender's
+    Python has OpenImageIO.
     """
     with loaded(path) as image:
         return (0, 0) if image is None else tuple(image.size)
@@ -199,7 +205,7 @@ def size_of(path: Path) -> tuple[int, int]:
 
 @contextmanager
 def loaded(path: Path) -> Iterator[bpy.types.Image | None]:
-    """A file as an image of its own, which goes again; None where Blender cannot load it."""
+    """A file as a temporary image; None if Blender cannot load it."""
     try:
         image = bpy.data.images.load(str(path), check_existing=False)
     except RuntimeError:

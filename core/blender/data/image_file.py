@@ -1,4 +1,4 @@
-"""The file that Blender reads an image from: what it says about the image and Blender ignores."""
+"""Files of images: orientation, colour profile and damage that Blender ignores."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -17,14 +17,13 @@ from ...files.picture_file import has_header, is_cut, light_said, said_by, uprig
 from . import colour
 
 PROBES = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [128, 128, 128]])
-UNLIKE = 0.01  # of linear light, by which colours differ visibly: at mid grey three steps of 8 bits
+UNLIKE = 0.01  # of linear light, a visible difference: at mid grey three steps of 8 bits
 
 
 @contextmanager
 def file_of(image: bpy.types.Image) -> Iterator[Path | None]:
-    """The file that an image's pixels are read from; of a packed image a copy of what is packed,
-    for the time being. None for a movie, for pixels that are not saved, and where there is none.
-    ImageError where its path is too long.
+    """The file of an image's pixels; for a packed image a temporary copy. None for movies, unsaved
+    pixels and missing files. ImageError if the path is too long.
     """
     if image.source not in {"FILE", "SEQUENCE"} or image.is_dirty:
         yield None
@@ -34,7 +33,7 @@ def file_of(image: bpy.types.Image) -> Iterator[Path | None]:
     else:
         with ExitStack() as stack:
             path = None
-            with suppress(ImageError, OSError):  # there is no room for it
+            with suppress(ImageError, OSError):  # no space for it
                 folder = stack.enter_context(scratch(Path(gettempdir())))
                 (folder / "packed").write_bytes(image.packed_file.data)
                 path = folder / "packed"
@@ -46,7 +45,7 @@ def _path_of(image: bpy.types.Image) -> str:
 
 
 def check_header(image: bpy.types.Image, owner: str) -> None:
-    """Raise ImageError where Blender 4.2 would never come back from loading an image."""
+    """Raise ImageError if loading an image would hang Blender 4.2."""
     if not image.has_data:
         with file_of(image) as path:
             if path is not None and not has_header(path):
@@ -54,7 +53,7 @@ def check_header(image: bpy.types.Image, owner: str) -> None:
 
 
 def check_whole(image: bpy.types.Image, owner: str) -> None:
-    """Raise ImageError where an image's file is cut off, of which Blender says nothing."""
+    """Raise ImageError if an image's file is truncated, which Blender does not report."""
     with file_of(image) as path:
         if path is not None and is_cut(path):
             raise _cut(image, owner)
@@ -76,7 +75,7 @@ def _said(image: bpy.types.Image) -> dict[str, Any]:
 
 
 def notes_on(image: bpy.types.Image) -> list[str]:
-    """Sentences on what an image's file says about its pixels and Blender does not apply."""
+    """Sentences on properties of an image's file that Blender ignores."""
     said, notes = _said(image), []
     if said.get("Orientation", 1) != 1:
         again = Message("choose it again in the Kiriko tab, or ")
@@ -103,10 +102,10 @@ def notes_on(image: bpy.types.Image) -> list[str]:
 
 
 def as_seen(image: bpy.types.Image, owner: str, is_new: bool = False) -> bpy.types.Image:
-    """An image as its file says that it is seen: itself, or a copy that is turned, and packed.
-    ImageError where the file is cut off. Without OpenImageIO it stays as it is, and a note says so.
+    """The image in the orientation of its file: itself, or a rotated packed copy. ImageError if the
+    file is truncated. Without OpenImageIO the image is unchanged and a note reports it.
 
-    is_new : it was just loaded, and is turned itself
+    is_new : the image was just loaded, and is rotated itself
     """
     check_header(image, owner)
     check_whole(image, owner)
@@ -118,8 +117,8 @@ def as_seen(image: bpy.types.Image, owner: str, is_new: bool = False) -> bpy.typ
             return image
         data, suffix = upright(path)
 
-    seen = image if is_new else image.copy()  # others may show it as it is
-    # the name of its own that a file gets where it is unpacked, not that of the photograph
+    seen = image if is_new else image.copy()  # other users keep the original
+    # the name of the unpacked file, different from the photograph's
     file = Path(_path_of(image) or image.name)
     seen.filepath_raw = str(file.with_name(f"{file.stem} upright{suffix}"))
     seen.pack(data=data, data_len=len(data))

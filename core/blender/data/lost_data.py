@@ -1,5 +1,5 @@
-"""Datablocks that Blender did not find in the library file they are linked from, and the things
-that need them: Blender puts an empty placeholder in their place.
+"""Datablocks missing from their library file, and their users. Blender substitutes empty
+placeholders.
 """
 
 from collections.abc import Iterable, Iterator
@@ -13,10 +13,10 @@ Lost = dict[bpy.types.ID, bpy.types.ID]
 
 
 def find_lost() -> Lost:
-    """A placeholder that each datablock of the file needs, directly or by others.
+    """A placeholder that each datablock of the file needs, directly or indirectly.
 
-    An object needs its mesh, materials, modifiers and parents, and the collection it shows. It
-    does not need what another object is made of.
+    An object needs its mesh, materials, modifiers, parents and instanced collection, but not the
+    data of other objects.
     """
     if not bpy.data.libraries:
         return {}
@@ -55,7 +55,7 @@ def on_lost(lost: Lost, things: Iterable[bpy.types.ID | None]) -> Iterator[tuple
 
 
 def refuse_lost(lost: Lost, things: Iterable[bpy.types.ID | None]) -> None:
-    """Raise RigError for the first of some datablocks that needs a placeholder."""
+    """Raise RigError for the first datablock with a missing one."""
     for text, _ in on_lost(lost, things):
         raise RigError("{told}", told=text)
 

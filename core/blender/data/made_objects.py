@@ -1,6 +1,4 @@
-"""Makes objects: those of a new rig, all of them or
-none, and those that show a result in the scene.
-"""
+"""Makes objects: the parts of a new rig, all or none, and surfaces that show a result."""
 
 from collections.abc import Callable
 
@@ -13,12 +11,12 @@ from ...base.arrays import Bools, Floats, Ints
 from .rigs import active_rig, elsewhere, name_for
 from .translation_context import data_name
 
-OBJECT_MARK = "kiriko_object"  # marks an object that Kiriko made and may make anew
+OBJECT_MARK = "kiriko_object"  # on objects that Kiriko made and may replace
 
 
 class Workbench:
-    """A collection, a new one where none is given, and the objects that are made in it.
-    Frames (4, 4) and lengths are in Blender units.
+    """A collection, new by default, and the objects made in it. Frames (4, 4) and lengths are in
+    Blender units.
     """
 
     def __init__(
@@ -32,7 +30,7 @@ class Workbench:
         scene.collection.children.link(self.collection)
 
     def keep(self, block: bpy.types.ID) -> bpy.types.ID:
-        """Count a datablock among those made here."""
+        """Record a datablock as made here."""
         self.made.append(block)
         return block
 
@@ -47,8 +45,9 @@ class Workbench:
         return thing
 
     def rectangle(self, name: str, frame: Floats, width: float, height: float) -> bpy.types.Object:
-        """A plane whose front is the frame's third axis, with UV
-        from its lower left to its upper right corner.
+        """A plane facing along the frame's third axis, with UV from its lower left to its upper
+        right
+        corner.
         """
         mesh = self.keep(bpy.data.meshes.new(data_name(name)))
         x, y = width / 2, height / 2
@@ -66,8 +65,8 @@ class Workbench:
         return self._object(name, self.keep(ball_mesh(data_name(name), radius)), frame)
 
     def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
-        """A perspective camera that sees a square `field` wide
-        at a distance, where its eyes converge, and is drawn half as large.
+        """A perspective camera that frames a square of width `field` at a distance, where its eyes
+        converge. It is drawn half as large.
         """
         camera = self.keep(bpy.data.cameras.new(data_name(name)))
         camera.sensor_fit = "AUTO"
@@ -81,7 +80,7 @@ class Workbench:
     def material(
         self, name: str, build: Callable[[bpy.types.Material], None]
     ) -> bpy.types.Material:
-        """A material whose nodes are made by `build`."""
+        """A material with nodes made by `build`."""
         material = self.keep(bpy.data.materials.new(data_name(name)))
         build(material)
         return material
@@ -100,14 +99,14 @@ def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
 
 
 def made_surface(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
-    """The object that `surface_object` made for the active rig, if there is one."""
+    """The object made by `surface_object` for the active rig; None if there is none."""
     is_elsewhere = elsewhere(scene)
     things = (thing for thing in scene.objects if thing.get(OBJECT_MARK) == name)
     return next((thing for thing in things if not is_elsewhere(thing)), None)
 
 
 def values_of(mesh: bpy.types.Mesh, quantity: str) -> Floats:
-    """Values (n,) that `surface_object` kept at the points."""
+    """Values (n,) at the points, as stored by `surface_object`."""
     found = np.zeros(len(mesh.vertices), np.float32)
     kept = mesh.attributes.get(quantity)
     if kept is not None and len(kept.data) == len(found):
@@ -116,7 +115,7 @@ def values_of(mesh: bpy.types.Mesh, quantity: str) -> Floats:
 
 
 def shown_quads(is_shown: Bools) -> Ints:
-    """The squares (k, 4) of a grid whose corners are all shown, as numbers of its points.
+    """The squares (k, 4) of a grid with all corners visible, as numbers of its points.
 
     is_shown : (m, n)
     """
@@ -130,17 +129,17 @@ def shown_quads(is_shown: Bools) -> Ints:
 def surface_object(
     scene: bpy.types.Scene, name: str, positions: Floats, faces: Ints, values: dict[str, Floats]
 ) -> bpy.types.Object:
-    """An object, seen in the viewport only, of faces in the world; it replaces one before.
+    """An object of faces in the world, only for the viewport; replaces the previous one.
 
     Parameters
     ----------
-    name : which tells it from others; its own has the number of its rig
-    positions : (n, 3) world, Blender units; those that no face has are left out
+    name : identifies it; the object's name also has the number of its rig
+    positions : (n, 3) world, Blender units; unused ones are dropped
     faces : (m, 3) or (m, 4)
-    values : (n,) by the name of the quantity, one, kept as the point attribute of that name, and as
-        grey in one with a capital, brightest white
+    values : one quantity (n,) by its name, stored as a point attribute, and as grey in one with a
+        capital, the largest as white
     """
-    # the points that faces have, about their middle
+    # used points, about their centre
     used, corners = np.unique(faces, return_inverse=True)
     points = positions[used]
     centre = points.mean(axis=0)
@@ -162,7 +161,7 @@ def surface_object(
         bpy.data.meshes.remove(mesh)
         raise
 
-    # the object of before gets the new mesh
+    # the previous object gets the new mesh
     thing = made_surface(scene, name)
     if thing is None:
         thing = bpy.data.objects.new(own_name, mesh)

@@ -1,5 +1,5 @@
-"""Movies of image files, by the encoder of the Blender that runs: of its own scene, in the files'
-own numbers, by no view transform twice.
+"""Movies from image files, with Blender's encoder. A scene of its own keeps the files' values
+unchanged.
 """
 
 from collections.abc import Sequence
@@ -16,17 +16,17 @@ from .image import loaded
 from .reports import said_by
 from .temporary import mark
 
-VIEW_TRANSFORMS = ("Standard", "Raw")  # that leave encoded numbers as they are
+VIEW_TRANSFORMS = ("Standard", "Raw")  # leave encoded values unchanged
 TEXT_SIZE = 0.05  # of the height of a test card
 
 
 @dataclass(frozen=True)
 class Codec:
-    """A way to encode movies.
+    """A video codec with its container.
 
-    label : as people call it
+    label : common name
     code, container : Blender's names
-    across, down : width and height have to be multiples of these
+    across, down : divisors of width and height
     """
 
     label: str
@@ -48,11 +48,11 @@ CODECS = {
 
 @dataclass(frozen=True)
 class Card:
-    """A test card that a movie begins with.
+    """A test card at the start of a movie.
 
     file : its image
-    n : frames that it is shown for
-    lines : that are written over it
+    n : its number of frames
+    lines : text over it
     """
 
     file: Path
@@ -61,7 +61,7 @@ class Card:
 
 
 def available() -> tuple[str, ...]:
-    """The codecs of ours that this Blender has."""
+    """The codecs that this Blender can encode."""
     if not bpy.app.build_options.codec_ffmpeg:
         return ()
     known = bpy.types.FFmpegSettings.bl_rna.properties["codec"].enum_items
@@ -69,7 +69,7 @@ def available() -> tuple[str, ...]:
 
 
 def check(name: str, size: tuple[int, int]) -> None:
-    """Raise ImageError where this Blender cannot encode images of a size (w, h) so."""
+    """Raise ImageError if this Blender cannot encode images of a size (w, h) with a codec."""
     codec = CODECS[name]
     there = available()
     if name not in there:
@@ -107,20 +107,20 @@ def encode(
     like: bpy.types.Scene,
     card: Card | None = None,
 ) -> None:
-    """Write a movie of image files (PNG or TIFF) of one folder, each for one frame.
+    """Write a movie of image files (PNG or TIFF) in one folder, one frame each.
 
     Parameters
     ----------
     path : a new file, alone in its folder
     name : a key of CODECS
     size : width and height of the files, px
-    like : the scene whose frame rate it has
-    card : shown before
+    like : the scene with the frame rate
+    card : shown first
 
     Raises
     ------
     ImageError
-        It cannot be written, or has not all frames then.
+        The movie cannot be written, or has too few frames.
     """
     check(name, size)
     n = len(files) + (0 if card is None else card.n)
@@ -130,7 +130,7 @@ def encode(
         _set_format(scene.render.image_settings, scene.render.ffmpeg, CODECS[name])
         _set_colours(scene)
         _fill(scene, files, card, size)
-        # Blender would take # in a file's name for digits of a frame
+        # Blender would replace # in a file name by digits of the frame
         made = path.with_name(f"movie{path.suffix}")
         scene.render.filepath = _as_it_is(made)
         bpy.ops.render.render(animation=True, scene=scene.name)
@@ -158,7 +158,7 @@ def encode(
 
 
 def _as_it_is(path: Path) -> str:
-    """A path whose braces are no template, as Blender from 4.5 on would read them."""
+    """A path with braces escaped, which Blender from 4.5 on would read as templates."""
     text = str(path)
     if bpy.app.version < (4, 5, 0):
         return text
@@ -166,7 +166,7 @@ def _as_it_is(path: Path) -> str:
 
 
 def n_frames(path: Path) -> int:
-    """The number of frames of a movie, 0 where it cannot be read."""
+    """The number of frames of a movie, 0 if it cannot be read."""
     with loaded(path) as image:
         is_movie = image is not None and image.source == "MOVIE" and min(image.size) > 0
         return image.frame_duration if is_movie else 0
@@ -197,16 +197,16 @@ def _set_format(form: Any, ffmpeg: Any, codec: Codec) -> None:
     ffmpeg.constant_rate_factor = "PERC_LOSSLESS"
     ffmpeg.ffmpeg_preset = "GOOD"
     if codec.code == "PRORES":
-        # Blender's own choice is Proxy, the coarsest; only this one has the colours of each pixel
+        # Blender's default is Proxy, the coarsest; only 4444 keeps each pixel's colour
         ffmpeg.ffmpeg_prores_profile = "4444"
     ffmpeg.audio_codec = "NONE"
 
 
 def _set_colours(scene: bpy.types.Scene) -> None:
-    """Leave the numbers as they are: they were encoded for the display already."""
+    """Keep the values, which are already encoded for the display."""
     view = scene.view_settings
     for name in VIEW_TRANSFORMS:
-        with suppress(TypeError):  # a colour configuration of the user's own lacks it
+        with suppress(TypeError):  # missing in a custom colour configuration
             view.view_transform = name
             break
     view.exposure, view.gamma, view.use_curve_mapping = 0.0, 1.0, False
@@ -217,7 +217,7 @@ def _set_colours(scene: bpy.types.Scene) -> None:
 def _fill(
     scene: bpy.types.Scene, files: Sequence[Path], card: Card | None, size: tuple[int, int]
 ) -> None:
-    """Put the strips of all images, and of the card, into a scene's sequencer."""
+    """Add strips of all images, and of the card, to a scene's sequencer."""
     editor = scene.sequence_editor_create()
     strips = editor.strips if hasattr(editor, "strips") else editor.sequences  # until 4.3
     space = scene.sequencer_colorspace_settings.name
@@ -233,21 +233,21 @@ def _fill(
 def _add_images(
     strips: Any, space: str, name: str, files: Sequence[Path], first: int, n: int
 ) -> None:
-    """Show files of one folder, one after another, for n frames; a single one for all of them.
+    """Add files of one folder in sequence, n frames in all; a single file lasts for all of them.
 
-    space : the sequencer's own colour space, so that nothing is converted
+    space : the sequencer's own colour space, which avoids a conversion
     """
     strip = strips.new_image(name, str(files[0]), channel=1, frame_start=first)
     for file in files[1:]:
         strip.elements.append(file.name)
-    # named anew in 5.2
+    # renamed in 5.2
     setattr(strip, "duration" if hasattr(strip, "duration") else "frame_final_duration", n)
-    with suppress(TypeError):  # a space that has no name
+    with suppress(TypeError):  # the space has no name
         strip.colorspace_settings.name = space
 
 
 def _add_text(strips: Any, line: str, k: int, n: int, height: int) -> None:
-    """Write a line over the card: the k-th from above."""
+    """Write a line over the card: the k-th from the top."""
     length = {"length": n} if bpy.app.version >= (5, 0, 0) else {"frame_end": 1 + n}
     text = strips.new_effect(f"line {k}", "TEXT", channel=2 + k, frame_start=1, **length)
     text.text = line

@@ -1,8 +1,8 @@
-"""Pictures that move: movies and image sequences, at the frame that their image user asks for.
+"""Moving pictures: movies and image sequences, at the frame given by their image user.
 
-An image datablock gives its pixels at one frame only, whichever was looked up last. Without a
-window a frame is read from a copy of it: of a sequence the copy has that frame's file, of a movie
-it is scaled to the size that it has, which Blender does at any frame.
+An image datablock has the pixels of one frame only, the last one used. Without a window a frame is
+read from a copy: for a sequence the copy loads the frame's file, for a movie it is scaled to its
+own size, which Blender can do at any frame.
 """
 
 import re
@@ -21,16 +21,16 @@ from ...files.picture_file import has_header
 
 MOVING = {"SEQUENCE", "MOVIE"}
 SETTINGS = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")
-# the last digits in the name of a file of a sequence are its number
+# the last digits in a sequence's file name are the frame number
 NAME = re.compile(r"(.*?)(\d*)(\D*)")
-KEPT = 1 << 28  # bytes of a movie's frames that a copy may gather before another takes its place
+KEPT = 1 << 28  # bytes of frames a copy of a movie may gather before it is replaced
 
 
 @dataclass(frozen=True)
 class Timing:
-    """When a moving image shows which of its frames: settings of an image user, by their names.
+    """Timing of a moving image: settings of an image user, by their names.
 
-    As in Cycles, it follows the scene whether Auto Refresh is on, which is about viewports, or off.
+    As in Cycles it follows the scene whether Auto Refresh, a setting for viewports, is on or off.
     """
 
     frame_duration: int
@@ -39,7 +39,7 @@ class Timing:
     use_cyclic: bool = False
 
     def number(self, now: int) -> int:
-        """The image's frame at a frame of the scene: Blender's rule, which holds the last one."""
+        """The image's frame at a frame of the scene, by Blender's rule: the last one is held."""
         n = self.frame_duration
         passed = now - self.frame_start + 1
         if self.use_cyclic and n:
@@ -48,7 +48,7 @@ class Timing:
 
 
 class OfMovie(Message):
-    """A note on a movie that is too short, which runs of frames handle apart from other notes.
+    """A note on a movie that is too short, which animations handle separately.
 
     movie : its name
     """
@@ -63,7 +63,7 @@ class OfMovie(Message):
 
 
 def is_moving(image: bpy.types.Image) -> bool:
-    """Is it a movie or an image sequence?"""
+    """Whether an image is a movie or a sequence."""
     return image.source in MOVING
 
 
@@ -73,7 +73,7 @@ def timing_of(user: bpy.types.ImageUser) -> Timing:
 
 
 def whole(image: bpy.types.Image) -> Timing:
-    """All of a moving image from the scene's frame 1 on: of one that no node shows."""
+    """The timing of a whole moving image from the scene's frame 1 on, for one without a node."""
     return Timing(MOST if image.source == "SEQUENCE" else max(image.frame_duration, 1))
 
 
@@ -82,7 +82,7 @@ def set_timing(
 ) -> None:
     """Have a node show a moving image, in viewports, too.
 
-    timing : None: all of it from the scene's frame 1 on
+    timing : None for all of it from the scene's frame 1 on
     """
     if is_moving(image):
         timing = timing or whole(image)
@@ -92,7 +92,7 @@ def set_timing(
 
 
 def rate_of(image: bpy.types.Image) -> float:
-    """Frames per second of a movie, by its file; 0 if Blender cannot tell."""
+    """Frames per second of a movie's file; 0 if unknown."""
     known = set(bpy.data.movieclips)
     try:
         clip = bpy.data.movieclips.load(_absolute(image), check_existing=True)
@@ -105,9 +105,9 @@ def rate_of(image: bpy.types.Image) -> float:
 
 
 def number_at(image: bpy.types.Image, timing: Timing | None, now: int) -> int | None:
-    """The frame of a moving image at a frame of the scene; None for an image that stands still.
+    """The frame of a moving image at a frame of the scene; None for a still image.
 
-    timing : of the node that shows it; None where none does
+    timing : of the node that shows it; None without a node
     """
     return (timing or whole(image)).number(now) if is_moving(image) else None
 
@@ -118,25 +118,26 @@ def file_of(image: bpy.types.Image, number: int) -> Path:
 
 
 def numbered(path: Path, number: int) -> Path:
-    """The file of a frame of the sequence that a file is one of."""
+    """The file of another frame of a sequence, from one of its files."""
     before, digits, after = NAME.fullmatch(path.stem).groups()
     return path.with_name(f"{before}{number:0{len(digits)}}{after}{path.suffix}")
 
 
-# by a movie's file: its stamp when it was last opened, and how many frames it had
+# by a movie's file: its stamp when last opened, and its number of frames
 _n_frames: dict[str, tuple[disk.Stamp | None, int]] = {}
 
 
 def stamp_of(image: bpy.types.Image, number: int) -> disk.Stamp | None:
-    """The stamp of the file that has a frame of a moving image; None where there is none."""
+    """The stamp of the file of a moving image's frame; None if it is missing."""
     return disk.stamp(Path(_absolute(image)) if image.source == "MOVIE" else file_of(image, number))
 
 
 def check_there(image: bpy.types.Image, number: int | None, owner: str) -> None:
-    """Raise ImageError where a frame of an image has no file to be read from. Nothing is copied,
-    so that it may be asked while panels are drawn; a file that is broken is found by `Reel.at`.
+    """Raise ImageError if the file of a frame is missing. Copies nothing, so panels may call it
+    while
+    drawing; `Reel.at` detects a broken file.
 
-    number : None for an image that stands still
+    number : None for a still image
     """
     if number is None:
         return
@@ -162,8 +163,9 @@ def _absolute(image: bpy.types.Image) -> str:
 
 
 class Reel:
-    """Copies of images, from which frames are read. A movie's stays open from frame to frame, which
-    saves the search for each; so whoever has a reel has to close it before undo or another file.
+    """Copies of images for reading frames. A movie's copy stays open between frames, which saves
+    the
+    search for each. Close a reel before undo or loading a file.
     """
 
     def __init__(self) -> None:
@@ -173,14 +175,14 @@ class Reel:
         self._n_read = 0
 
     def at(self, image: bpy.types.Image, number: int, owner: str) -> bpy.types.Image:
-        """A copy of a moving image with the pixels of a frame, until the next is asked for.
+        """A copy of a moving image with the pixels of a frame, valid until the next call.
 
-        number : from 1 in a movie, as in the files' names in a sequence
+        number : from 1 in a movie, as in the file names in a sequence
 
         Raises
         ------
         ImageError
-            There is no such file, or none that Blender can read.
+            The file is missing, or Blender cannot read it.
         """
         check_there(image, number, owner)
         is_movie = image.source == "MOVIE"
@@ -224,9 +226,9 @@ class Reel:
 def at_frame(
     image: bpy.types.Image, number: int | None, owner: str, reel: Reel | None = None
 ) -> Iterator[bpy.types.Image]:
-    """An image that has the pixels of a frame: the very image where it stands still.
+    """An image with the pixels of a frame: the image itself if it is still.
 
-    reel : that stays open; None: one for this time
+    reel : an open reel; None for a temporary one
     """
     if number is None:
         yield image
@@ -240,10 +242,10 @@ def at_frame(
 
 
 def ended(image: bpy.types.Image, timing: Timing | None, now: int) -> list[str]:
-    """A note on a movie that is over at a frame of the scene, and shows its last one.
+    """A note on a movie that has ended at a frame of the scene, and shows its last frame.
 
-    timing : of the node that shows it; None where none does. One that ends before the movie does is
-        a wish, and no note is given
+    timing : of the node that shows it; None without a node. A timing that ends before the movie is
+        intended, and gives no note
     """
     if image.source != "MOVIE":
         return []
@@ -264,16 +266,16 @@ def ended(image: bpy.types.Image, timing: Timing | None, now: int) -> list[str]:
 
 
 def n_frames_of(image: bpy.types.Image) -> int:
-    """How many frames a movie has: as its file is now, where frames of that were read, else as
-    Blender opened it, which keeps the number from then on.
+    """The number of frames of a movie: of its present file if frames were read from it, else as
+    Blender opened it, which Blender does not update.
     """
     stamp, n = _n_frames.get(_absolute(image), (None, 0))
     return n if stamp is not None and stamp == stamp_of(image, 1) else image.frame_duration
 
 
 def numbered_next_to(file: Path) -> list[Path]:
-    """The files of consecutive numbers around a numbered file, itself among them; none if it has no
-    number, or no other one is next to it.
+    """The files with consecutive numbers around a numbered file, itself included; none without a
+    number or neighbour.
     """
     digits = NAME.fullmatch(file.stem)[2]
     try:
@@ -289,13 +291,14 @@ def numbered_next_to(file: Path) -> list[Path]:
 
 
 def sequence_of(files: Collection[Path]) -> tuple[Path, Timing]:
-    """The first of the files of a sequence, and the timing that shows it at the scene's frame 1,
-    and each other one a frame later.
+    """The first file of a sequence, and the timing that shows it at the scene's frame 1 and each
+    next
+    one a frame later.
 
     Raises
     ------
     ImageError
-        They are no sequence: their names differ by more than consecutive numbers.
+        The file names differ by more than consecutive numbers.
     """
     by_number = {}
     for file in files:

@@ -1,6 +1,4 @@
-"""Objects and rigs of other files: what is set on them stays in this file only where they are
-library overrides.
-"""
+"""Linked objects and rigs: settings on them last in this file only through library overrides."""
 
 from collections.abc import Iterable, Iterator
 
@@ -11,7 +9,7 @@ from ...base.errors import RigError
 from .changes import change, value_of
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
-# one setting of each group that an object, and a rig's collection, has
+# one setting of each group of an object, and of a rig's collection
 OF_GROUPS = ("kiriko.role", "kiriko.plate.pitch", "kiriko.picture.gamma", "kiriko.display.gamma")
 OF_RIG = (
     "kiriko.is_rig",
@@ -22,7 +20,7 @@ OF_RIG = (
 
 
 def be_overridable(cls: type) -> None:
-    """Have Blender keep all properties of a class on overrides, before it is registered."""
+    """Make all properties of a class overridable, before it is registered."""
     for declared in cls.__annotations__.values():
         is_list = declared.function is bpy.props.CollectionProperty
         declared.keywords["override"] = OVERRIDE | ({"USE_INSERTION"} if is_list else set())
@@ -31,9 +29,9 @@ def be_overridable(cls: type) -> None:
 def overridden(
     scene: bpy.types.Scene, things: tuple[bpy.types.Object, ...]
 ) -> tuple[bpy.types.Object, ...]:
-    """Objects of this file themselves, and library overrides in place of linked ones.
+    """Local objects themselves, and library overrides in place of linked ones.
 
-    Raises RigError where none can take an object's place, as in a collection that is linked, too.
+    Raises RigError if an object cannot be replaced, as in a linked collection.
     """
     made: dict[bpy.types.Object, bpy.types.Object] = {}
     for thing in things:
@@ -58,8 +56,8 @@ def overridden(
 
 
 def _use_overrides(scene: bpy.types.Scene, new: Iterable[bpy.types.Object]) -> None:
-    """Have new overrides use those of this scene that were made before them, as their parent and in
-    modifiers and constraints: Blender has the others use the new ones.
+    """Have new overrides use this scene's earlier ones as parent and in modifiers and constraints;
+    Blender itself only redirects earlier ones to new ones.
     """
     ours = {
         one.override_library.reference: one
@@ -67,7 +65,7 @@ def _use_overrides(scene: bpy.types.Scene, new: Iterable[bpy.types.Object]) -> N
         if one.library is None and one.override_library is not None
     }
     for one in new:
-        stays = one.matrix_parent_inverse.copy()  # where setting a parent clears it
+        stays = one.matrix_parent_inverse.copy()  # setting a parent may clear it
         for owner in (one, *one.modifiers, *one.constraints):
             for name, used in _objects_of(owner):
                 if used in ours:
@@ -76,7 +74,7 @@ def _use_overrides(scene: bpy.types.Scene, new: Iterable[bpy.types.Object]) -> N
 
 
 def _objects_of(owner: bpy.types.bpy_struct) -> Iterator[tuple[str, bpy.types.Object]]:
-    """Names of settings that are an object, and the objects."""
+    """Names and values of an owner's settings that are objects."""
     for setting in owner.bl_rna.properties:
         if setting.type != "POINTER" or setting.is_readonly:
             continue
@@ -86,7 +84,7 @@ def _objects_of(owner: bpy.types.bpy_struct) -> Iterator[tuple[str, bpy.types.Ob
 
 
 def take_away(overrides: Iterable[bpy.types.Object]) -> None:
-    """Have linked objects in place of overrides of them, selected and active as these are."""
+    """Replace overrides by their linked objects, with the same selection."""
     for one in overrides:
         theirs = one.override_library.reference
         layers = [layer for scene in one.users_scene for layer in scene.view_layers]
@@ -100,8 +98,9 @@ def take_away(overrides: Iterable[bpy.types.Object]) -> None:
 
 
 def have_same_groups(things: Iterable[bpy.types.Object | bpy.types.Collection]) -> None:
-    """Have overrides and what they override have the same groups of settings: Blender 5 neither
-    saves nor reloads the settings of a group that one of both alone has.
+    """Give overrides and their originals the same groups of settings. If only one of both has a
+    group,
+    Blender 5 neither saves nor reloads its settings.
     """
     for thing in things:
         override = thing.override_library
@@ -115,8 +114,9 @@ def have_same_groups(things: Iterable[bpy.types.Object | bpy.types.Collection]) 
 
 
 def _have_rules_of_settings(override: bpy.types.IDOverrideLibrary, paths: tuple[str, ...]) -> None:
-    """Have an override name each setting instead of whole groups, which Blender cannot set: so it
-    does while one of both alone has a group.
+    """Have an override name each setting instead of whole groups, which Blender cannot apply: it
+    does
+    so if only one side has a group.
     """
     of_groups = {path.rpartition(".")[0] for path in paths}
     rules = [rule for rule in override.properties if rule.rna_path in of_groups]
@@ -128,24 +128,24 @@ def _have_rules_of_settings(override: bpy.types.IDOverrideLibrary, paths: tuple[
 
 @persistent
 def _on_files(*_: object) -> None:
-    """What Blender reads of another file has no groups, each time anew."""
+    """Data that Blender reads from another file has no groups, each time again."""
     have_same_groups([*bpy.data.objects, *bpy.data.collections])
 
 
 def _handlers() -> list[list]:
-    """Blender's lists for files; 4.2, which keeps all settings, has no last one."""
+    """Blender's handlers for files; 4.2, which keeps all settings, lacks the last one."""
     names = ("save_pre", "load_post", "blend_import_post")
     return [getattr(bpy.app.handlers, name) for name in names if hasattr(bpy.app.handlers, name)]
 
 
 def register() -> None:
-    """Have overrides keep their settings whenever files are read and written."""
+    """Preserve settings of overrides whenever files are read and written."""
     for handlers in _handlers():
         handlers.append(_on_files)
 
 
 def unregister() -> None:
-    """Leave them alone again."""
+    """Remove the handlers."""
     for handlers in _handlers():
         if _on_files in handlers:
             handlers.remove(_on_files)

@@ -1,4 +1,4 @@
-"""Paths as the interface has them, relative to the .blend or not."""
+"""Paths from the interface, relative to the .blend or absolute."""
 
 from pathlib import Path
 
@@ -7,13 +7,13 @@ import bpy
 from ...base.errors import ImageError
 from ...files.disk import is_there
 
-# Blender 4.5 learned to mark paths that may begin with // and warns where the mark is missing
+# from 4.5 on Blender warns about paths with // unless they are marked so
 RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
 def absolute(path: str) -> Path:
-    """The place that a path from the interface means; ImageError
-    when it is relative to a .blend never saved, or too long.
+    """The absolute path of one from the interface. ImageError if it is too long, or relative to an
+    unsaved .blend.
     """
     if path.startswith("//") and not bpy.data.filepath:
         raise ImageError(
@@ -22,10 +22,10 @@ def absolute(path: str) -> Path:
             path=path,
         )
     found = Path(bpy.path.abspath(path))
-    is_there(found)  # refuses what can be no path
+    is_there(found)  # refuses an impossible path
     return found
 
 
 def is_chosen(path: str) -> bool:
-    """Was a file chosen? Where none was, Blender's file browser may name the open .blend itself."""
+    """Whether a file was chosen. If none was, Blender's file browser may return the open .blend."""
     return bool(path) and (not bpy.data.filepath or absolute(path) != Path(bpy.data.filepath))

@@ -1,17 +1,18 @@
-"""A flat rectangle by its UV map: its axes and sides."""
+"""Axes and sides of a flat rectangle, by its UV map."""
 
 import numpy as np
 
 from ...base.arrays import Floats
 from ...rig.rig import Mesh
 
-# of its size: a flat rectangle's UV map misses an affine one by less
+# of its size: the affine error of a flat rectangle's UV map is smaller
 AFFINE = 1e-4
 
 
 def flat_size(mesh: Mesh) -> tuple[float, float] | None:
-    """Width and height in m of the UV square on a flat rectangle;
-    None where the UV map is bent, skewed or missing.
+    """Width and height in m of the UV square on a flat rectangle; None if the UV map is bent,
+    skewed
+    or missing.
     """
     if mesh.uv is None or not len(mesh.triangles):
         return None
@@ -20,8 +21,9 @@ def flat_size(mesh: Mesh) -> tuple[float, float] | None:
 
 
 def uv_axes(points: Floats, uv: Floats) -> Floats | None:
-    """Ways (2, 3) that points (n, 3) go for a whole u and a whole
-    v of theirs, uv (n, 2); None unless uv is affine.
+    """Vectors (2, 3) of a whole u and a whole v, for points (n, 3) with uv (n, 2); None unless uv
+    is
+    affine.
     """
     if not (len(points) and np.isfinite(points).all() and np.isfinite(uv).all()):
         return None
@@ -37,8 +39,8 @@ def uv_axes(points: Floats, uv: Floats) -> Floats | None:
 
 
 def sides(axes: Floats) -> tuple[float, float] | None:
-    """Width and height of the rectangle that ways (2, 3)
-    span; None where they are not at right angles.
+    """Width and height of the rectangle spanned by vectors (2, 3); None unless they are at right
+    angles.
     """
     width, height = np.linalg.norm(axes, axis=1)
     if abs(axes[0] @ axes[1]) > AFFINE * width * height:

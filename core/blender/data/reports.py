@@ -1,6 +1,6 @@
-"""Blender's reports on operators of its own that failed."""
+"""Blender's reports on failed operators."""
 
 
 def said_by(reason: RuntimeError) -> str:
-    """The words of such an error, in one line."""
+    """The text of such an error, in one line."""
     return " ".join(str(reason).split()).removeprefix("Error: ")

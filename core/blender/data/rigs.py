@@ -1,8 +1,8 @@
-"""The rigs of a scene, the one of them that is active, and the objects that are parts of each.
+"""The rigs of a scene, the active one, and the objects of each.
 
-A rig is a collection that Add Rig made; `collection.kiriko` has its settings, viewers and result.
-An object is a part of the rigs whose collections hold it. One that is in none is a part of all: all
-the light meets a mirror that stands there.
+A rig is a collection made by Add Rig; `collection.kiriko` has its settings, viewers and result. An
+object belongs to the rigs whose collections hold it. An object in no rig belongs to all: a mirror
+on the bench meets the light of each.
 """
 
 import re
@@ -16,50 +16,48 @@ from ...rig.rig import Rig
 from .translation_context import data_name
 
 RIG = Message("Kiriko Rig")
-RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: the name it was given
-KEPT_MARK = "kiriko_kept"  # on what a rig made and Kiriko itself, not the artist, keeps in the file
+RIG_MARK = "kiriko_rig"  # on everything made by Add Rig: its original name
+KEPT_MARK = "kiriko_kept"  # on data made by a rig and kept in the file by Kiriko, not the artist
 NUMBER = re.compile(r"\.\d{3,}$")
 
 
 def rigs(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
     """Collections of a scene's rigs, the newest last."""
-    groups = dict.fromkeys(scene.collection.children_recursive)  # one may be in two others
+    groups = dict.fromkeys(scene.collection.children_recursive)  # a collection may have two parents
     return [group for group in groups if group.kiriko.is_rig]
 
 
 def active_rig(scene: bpy.types.Scene) -> bpy.types.Collection | None:
-    """The rig that panels and buttons are about: the chosen one, else the newest; None where Add
-    Rig has made none.
-    """
+    """The rig of panels and buttons: the chosen one, else the newest; None without a rig."""
     chosen = scene.kiriko_scene.rig
     if chosen is not None and scene.collection.children.get(chosen.name) == chosen:
-        return chosen  # without a walk of thousands of collections: every button asks
+        return chosen  # avoids walking thousands of collections, since every button calls this
     found = rigs(scene)
     return chosen if chosen in found else (found or [None])[-1]
 
 
 def active_settings(scene: bpy.types.Scene) -> bpy.types.PropertyGroup:
-    """Settings, viewers and result of the active rig, or of a scene without Add Rig: what
-    `scene.kiriko` is.
+    """Settings, viewers and result of the active rig, or of a scene without a rig: the value of
+    `scene.kiriko`.
     """
     rig = active_rig(scene)
     return scene.kiriko_scene.own if rig is None else rig.kiriko
 
 
 def all_settings() -> list[bpy.types.PropertyGroup]:
-    """The same of all rigs and scenes in the file."""
+    """The settings of all rigs and scenes in the file."""
     groups = (group.kiriko for group in bpy.data.collections if group.kiriko.is_rig)
     return [*(scene.kiriko_scene.own for scene in bpy.data.scenes), *groups]
 
 
 def rig_uid(scene: bpy.types.Scene) -> int:
-    """Session uid of the active rig; 0 where Add Rig has made none."""
+    """Session uid of the active rig; 0 without a rig."""
     rig = active_rig(scene)
     return 0 if rig is None else rig.session_uid
 
 
 def held_by(rig: bpy.types.Collection) -> Iterator[bpy.types.Object]:
-    """Objects in a rig's collection and those below it that are no rigs."""
+    """Objects in a rig's collection and its subcollections, except those of other rigs."""
     yield from rig.objects
     for child in rig.children:
         if not child.kiriko.is_rig:
@@ -69,7 +67,7 @@ def held_by(rig: bpy.types.Collection) -> Iterator[bpy.types.Object]:
 def rigs_of(
     scene: bpy.types.Scene,
 ) -> Callable[[bpy.types.Object], list[bpy.types.Collection]]:
-    """A function that returns the scene's rigs that hold an object."""
+    """A function from an object to the scene's rigs that hold it."""
     held: dict[bpy.types.Object, list[bpy.types.Collection]] = {}
     for rig in rigs(scene):
         for thing in dict.fromkeys(held_by(rig)):
@@ -78,16 +76,14 @@ def rigs_of(
 
 
 def rig_of(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
-    """The rig of an object: the active one where it is in several; None where in none."""
+    """The rig of an object: the active one if it is in several; None if in none."""
     own = rigs_of(scene)(thing)
     active = active_rig(scene)
     return active if active in own else (own or [None])[-1]
 
 
 def elsewhere(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], bool]:
-    """A function that tells whether an object is in other rigs only, and so no part of the
-    active one.
-    """
+    """A function that returns whether an object is in other rigs only."""
     if len(rigs(scene)) < 2:
         return lambda thing: False
     active, holders = active_rig(scene), rigs_of(scene)
@@ -95,18 +91,18 @@ def elsewhere(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], bool]:
 
 
 def shown_settings(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.PropertyGroup:
-    """Settings and result of the rig that an object is a part of."""
+    """Settings and result of an object's rig."""
     rig = rig_of(scene, thing)
     return scene.kiriko if rig is None else rig.kiriko
 
 
 def has_roles(rig: bpy.types.Collection) -> bool:
-    """Has anything that was made for a rig a role? Else the rig was put out of use."""
+    """Whether a rig's own objects still have roles; otherwise the rig is out of use."""
     return any(RIG_MARK in one and one.kiriko.role != "NONE" for one in held_by(rig))
 
 
 def stem(name: str) -> str:
-    """A datablock's name without the number that Blender gives to a further one of it."""
+    """A datablock's name without Blender's number of a duplicate."""
     return NUMBER.sub("", name)
 
 
@@ -117,21 +113,21 @@ def mark_made(blocks: Iterable[bpy.types.ID]) -> None:
 
 
 def keep(block: bpy.types.ID) -> None:
-    """Keep a datablock in the file that gives way to another one."""
+    """Keep a replaced datablock in the file."""
     if RIG_MARK in block and not block.use_fake_user:
         block[KEPT_MARK] = True
     block.use_fake_user = True
 
 
 def mark_of(block: bpy.types.ID) -> str:
-    """The name of a datablock when Add Rig made it, or took it in as glass; '' if neither."""
+    """The name of a datablock when Add Rig made it, or added it as glass; '' if neither."""
     own = block.kiriko.taken_as if isinstance(block, bpy.types.Object) else ""
     return own or str(block.get(RIG_MARK, ""))
 
 
 def with_copies(blocks: Iterable[Any]) -> dict[Any, list[Any]]:
-    """Those of some datablocks that Add Rig made or took in, with their copies, which have the same
-    mark. The one that has kept the name is the original, else the first.
+    """Datablocks made or added by Add Rig, each with its copies, which have the same mark. The
+    original is the one with the unchanged name, else the first.
     """
     alike: dict[str, list[Any]] = {}
     for block in blocks:
@@ -145,7 +141,7 @@ def with_copies(blocks: Iterable[Any]) -> dict[Any, list[Any]]:
 
 
 def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
-    """Is an object a copy of a part of a rig that holds both, as Shift D makes it?"""
+    """Whether an object is a duplicate of a rig's part within the rig, as by Shift D."""
     return any(
         thing in copies
         for rig in rigs_of(scene)(thing)
@@ -154,8 +150,9 @@ def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
 
 
 def name_for(scene: bpy.types.Scene, name: str) -> str:
-    """The name of a result of a scene's active rig: with the number of the rig's collection, and
-    with its name where the artist gave it one.
+    """The name of a result of the active rig, with the number of the rig's collection, or its name
+    if
+    the artist renamed it.
     """
     rig = active_rig(scene)
     if rig is None:
@@ -168,6 +165,8 @@ def name_for(scene: bpy.types.Scene, name: str) -> str:
 
 
 def name_of_view(scene: bpy.types.Scene, name: str, rig: Rig) -> str:
-    """The same for one that shows what a rig's viewer sees: with its name where it has others."""
+    """The name of an image of what a rig's viewer sees, with the viewer's name if there are
+    several.
+    """
     own = name_for(scene, name)
     return own if len(rig.viewers) == 1 else f"{own} - {rig.viewers[0].name}"

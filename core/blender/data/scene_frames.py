@@ -1,4 +1,4 @@
-"""Frames of a scene: the files that Blender names after them, and the way back to the first."""
+"""Frames of a scene: file names by Blender's rules, and the return to the current frame."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -12,7 +12,7 @@ from ...files.image_io import FORMATS, SUFFIXES
 
 @contextmanager
 def frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
-    """Have a scene go back to its frame, and the part of one, at the end."""
+    """Restore a scene's frame and subframe at the end."""
     frame, part = scene.frame_current, scene.frame_subframe
     try:
         yield
@@ -30,16 +30,17 @@ def frames_of_range(scene: bpy.types.Scene) -> tuple[int, ...]:
 def frame_files(
     scene: bpy.types.Scene, folder: Path, name: str, form: str, frames: Iterable[int]
 ) -> dict[int, Path]:
-    """The files of a scene's frames in a folder, named by Blender as it names its renders: # are
-    digits of the frame's number, which comes last where there is no #; from 4.5 on words in braces
-    stand for what the scene has, as {fps}.
+    """The files of a scene's frames in a folder, named as Blender names renders: # are digits of
+    the
+    frame number, which comes last without #. From 4.5 on words in braces are templates, such as
+    {fps}.
 
     form : a key of image_io.FORMATS, whose suffix the files get
 
     Raises
     ------
     ImageError
-        The name has a folder in it, or braces that Blender does not know.
+        The name has a folder in it, or an unknown template.
     """
     _check_plain(name)
     named = _named(scene, _stem(name), frames)
@@ -49,7 +50,7 @@ def frame_files(
 
 
 def without_number(scene: bpy.types.Scene, name: str) -> str:
-    """The name of a movie of frames of such a name: without number and suffix; '' where nothing is
+    """The name of a movie from the name of its frames, without number and suffix; '' if nothing is
     left. Raises ImageError as frame_files.
     """
     stem = _stem(name).rstrip("#").rstrip("_-. ").replace("#", "")
@@ -59,8 +60,8 @@ def without_number(scene: bpy.types.Scene, name: str) -> str:
 
 
 def folder_of(scene: bpy.types.Scene, path: str) -> Path:
-    """The folder of files by a path as the interface has it, which may have such words, too; where
-    a .blend lies, braces are no words. Raises ImageError as frame_files.
+    """The folder of a path from the interface, which may have templates, too; in the folder of the
+    .blend braces are plain text. Raises ImageError as frame_files.
     """
     folder = path.rstrip("/\\").removesuffix(Path(path).name)
     return Path(bpy.path.abspath(_named(scene, f"{folder}#", (0,))[0])).parent
@@ -79,8 +80,9 @@ def _check_plain(name: str) -> None:
 
 
 def _named(scene: bpy.types.Scene, stem: str, frames: Iterable[int]) -> dict[int, str]:
-    """What Blender makes of a name without suffix. The scene lends its own settings for that, as
-    the words in braces tell of it, and has them back.
+    """Blender's file names for a name without suffix, by frame. The scene's render settings are
+    used
+    for it, and restored.
     """
     render = scene.render
     before = render.filepath, render.use_file_extension

@@ -1,7 +1,7 @@
-"""Records that a file keeps as text in its string properties.
+"""Records stored as text in string properties of a file.
 
-Each is JSON with a version and a checksum. A text of another version, or one that was damaged or
-edited, counts as an empty record: it is reported once, and no button fails because of it.
+Each is JSON with a version and a checksum. A damaged or edited text, or one of another version,
+counts as an empty record: it is reported once, and buttons still work.
 """
 
 import hashlib
@@ -18,8 +18,8 @@ from ...base.errors import MALFORMED, one_line
 from ...base.messages import Message, as_message
 
 RECORD_VERSION = 1
-SHOWN = 60  # characters of an unreadable record that its report quotes
-LONGEST = 2000  # characters of a sentence that is put together from a file's text
+SHOWN = 60  # quoted characters of an unreadable record
+LONGEST = 2000  # characters of a sentence composed from a file's text
 SPEC = re.compile(r"(\.\d)?[efg]?")  # no width: a file could ask for a billion spaces
 
 _reported: set[str] = set()
@@ -27,13 +27,13 @@ _unreported: list[Message] = []
 
 
 def text_of(fields: dict[str, Any]) -> str:
-    """A record as a file keeps it."""
+    """A record as stored text."""
     fields = {"version": RECORD_VERSION, **fields}
     return json.dumps({**fields, "checksum": _checksum(fields)})
 
 
 def fields_of(text: object) -> dict[str, Any]:
-    """The fields of a record's text; none if the text is empty or unreadable."""
+    """The fields of a record's text; none if it is empty or unreadable."""
     if not text:
         return {}
     try:
@@ -55,7 +55,7 @@ def fields_of(text: object) -> dict[str, Any]:
 
 
 def take_reports() -> list[Message]:
-    """Reports on unreadable records that were met since the last call."""
+    """Reports on unreadable records since the last call."""
     reports = _unreported.copy()
     _unreported.clear()
     return reports
@@ -67,43 +67,43 @@ def _checksum(fields: dict[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Offset:
-    """Amounts by which the rig is off, by the parameters' names, a set for each calibration."""
+    """Deviations of the rig by parameter name, a set for each calibration."""
 
     sets: list[dict[str, float]] = field(default_factory=list)
 
     @classmethod
     def read(cls, text: str) -> "Offset":
-        """The record of a text."""
+        """Parse a stored text."""
         sets = fields_of(text).get("sets", [])
         is_list = isinstance(sets, list) and all(isinstance(one, dict) for one in sets)
         return cls(sets if is_list else [])
 
     def text(self) -> str:
-        """As a scene keeps it."""
+        """The record as stored text."""
         return text_of({"sets": self.sets})
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """Tolerances (display px) and the seconds they took, as the last report measured."""
+    """Tolerances (display px) and their seconds, measured by the last report."""
 
     rungs: list[tuple[float, float]] = field(default_factory=list)
 
     @classmethod
     def read(cls, text: str) -> "Ladder":
-        """The record of a text."""
+        """Parse a stored text."""
         return cls(fields_of(text).get("rungs", []))
 
     def text(self) -> str:
-        """As a scene keeps it."""
+        """The record as stored text."""
         return text_of({"rungs": self.rungs})
 
 
 @dataclass(frozen=True)
 class Changed:
-    """Changes of one thing that was there before, by `changes.py`: path, value before and after.
+    """Changes of one thing, by `changes.py`: path, value before and after.
 
-    rig : key of the rig that was made meanwhile
+    rig : key of the rig made meanwhile
     """
 
     rig: str = ""
@@ -111,14 +111,14 @@ class Changed:
 
     @classmethod
     def read(cls, text: str) -> "Changed":
-        """The record of a text."""
+        """Parse a stored text."""
         fields = fields_of(text)
         changes = fields.get("changes", [])
         is_list = isinstance(changes, list) and all(isinstance(one, list) for one in changes)
         return cls(str(fields.get("rig", "")), changes if is_list else [])
 
     def text(self) -> str:
-        """As a scene keeps it."""
+        """The record as stored text."""
         return text_of({"rig": self.rig, "changes": self.changes})
 
 
@@ -130,18 +130,18 @@ class StoredNumbers:
 
     @classmethod
     def read(cls, text: str) -> "StoredNumbers":
-        """The record of a text."""
+        """Parse a stored text."""
         return cls(fields_of(text))
 
     def text(self) -> str:
-        """As a scene keeps it."""
+        """The record as stored text."""
         return text_of(self.by_name)
 
 
 @dataclass(frozen=True)
 class Sentences:
-    """Messages by the English sentences that a scene keeps, so that they are told in the language
-    of whoever reads them. Lengths are in words already.
+    """Messages by their stored English sentences, so each reader sees them in his own language.
+    Lengths are already formatted.
     """
 
     by_text: dict[str, Message] = field(default_factory=dict)
@@ -154,7 +154,7 @@ class Sentences:
 
     @classmethod
     def read(cls, text: str) -> "Sentences":
-        """The record of a text."""
+        """Parse a stored text."""
         found = {}
         for sentence, data in fields_of(text).get("by_text", {}).items():
             with suppress(*MALFORMED):
@@ -162,14 +162,12 @@ class Sentences:
         return cls(found)
 
     def text(self) -> str:
-        """As a scene keeps it."""
+        """The record as stored text."""
         by_text = {sentence: _data(message) for sentence, message in self.by_text.items()}
         return text_of({"by_text": by_text})
 
     def message(self, text: str) -> Message:
-        """The message that a sentence was; of one that had no values, or is unknown, a message
-        without any.
-        """
+        """The message of a sentence; without values if the sentence had none or is unknown."""
         return self.by_text.get(text, as_message(text))
 
 
@@ -185,8 +183,8 @@ def _messages_in(thing: Any) -> Iterator[Message]:
 
 
 def _data(value: Any) -> Any:
-    """A message as plain data, and a value of one as a number or a text."""
-    value = getattr(value, "message", value)  # of an error
+    """A message as plain data; any other value as a number or a text."""
+    value = getattr(value, "message", value)  # for an error
     if isinstance(value, Message):
         values = {name: _data(part) for name, part in value.values.items()}
         return {"template": value.template, "values": values}
@@ -196,12 +194,12 @@ def _data(value: Any) -> Any:
 
 
 def _message(data: dict[str, Any]) -> Message:
-    """The message of such data, which may be anybody's: plain fields only, and of bounded length.
+    """The message of such data. The data is untrusted: plain fields only, and of bounded length.
 
     Raises
     ------
     ValueError
-        The template asks for more than the values by their names, or the text is too long.
+        The template has fields other than plain names of values, or the text is too long.
     """
     values = {
         name: _message(value) if isinstance(value, dict) else value

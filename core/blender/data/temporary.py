@@ -1,4 +1,4 @@
-"""Data that must not outlive a preview."""
+"""Temporary data of a preview."""
 
 from typing import Any
 
@@ -8,13 +8,13 @@ TEMPORARY = "kiriko_temporary"  # marks such data
 
 
 def mark(block: Any) -> Any:
-    """Note that a datablock is a preview's own."""
+    """Mark a datablock as a preview's own."""
     block[TEMPORARY] = True
     return block
 
 
 def remove_leftovers() -> None:
-    """Remove everything a preview made, also of one that was cut short."""
+    """Remove everything made by a preview, also by an interrupted one."""
     for group in ("scenes", "objects", "cameras", "meshes", "materials", "node_groups", "images"):
         blocks = [block for block in getattr(bpy.data, group) if block.get(TEMPORARY)]
         if blocks:

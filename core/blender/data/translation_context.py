@@ -1,5 +1,6 @@
-"""Labels and names of ours are looked up with the meaning that they have here: Blender's own
-translations have "Display", which is a part, as the verb.
+"""Translation context of Kiriko's labels and names: Blender's own translations read "Display", a
+part
+of the rig, as a verb.
 """
 
 import bpy
@@ -10,13 +11,13 @@ translations = bpy.app.translations
 
 
 def data_name(name: str) -> str:
-    """The name of a new datablock, translated where Blender translates names of new data."""
+    """The name of a new datablock, translated if Blender translates names of new data."""
     return str(translations.pgettext_data(name, CONTEXT))
 
 
 def in_own_words(cls: type) -> type:
-    """Have Blender look up the name of a class, and of all properties that it declares, in our
-    context, before it is registered.
+    """Have Blender translate a class's name and property labels in Kiriko's context; call it before
+    registration.
     """
     if not issubclass(cls, bpy.types.PropertyGroup | bpy.types.AddonPreferences):
         cls.bl_translation_context = CONTEXT

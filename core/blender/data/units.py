@@ -1,11 +1,11 @@
-"""Lengths at the border: metres in core, the scene's own unit in the scene and in sentences."""
+"""Lengths in and out of the scene: metres in core, the scene's unit in Blender and in sentences."""
 
 import bpy
 import numpy as np
 
 from ...base.messages import Message
 
-# metres in the units a scene can be set to, and how they are written
+# metres and symbol of each unit of a scene
 LENGTH_UNITS = {
     "KILOMETERS": (1e3, "km"),
     "METERS": (1.0, "m"),
@@ -18,22 +18,20 @@ LENGTH_UNITS = {
     "THOU": (2.54e-5, "thou"),
 }
 DIGITS = 3  # of a length in a sentence
-READABLE = 0.01, 1e5  # numbers outside are told in a unit that fits them better
+READABLE = 0.01, 1e5  # other numbers are shown in a more suitable unit
 
 
 def length_of_unit(scene: bpy.types.Scene) -> float:
     """Metres in a Blender unit.
 
-    The unit scale counts only where a unit system is chosen, as in Blender.
+    As in Blender, the unit scale counts only with a unit system.
     """
     units = scene.unit_settings
     return 1.0 if units.system == "NONE" else float(units.scale_length)
 
 
 def length_text(scene: bpy.types.Scene, metres: float) -> str:
-    """A length, m, as people who work in this scene read it: in
-    the unit its fields have, where that is readable.
-    """
+    """A length, m, in the unit of the scene's fields if the number is readable in it."""
     units = scene.unit_settings
     if units.system == "NONE":
         return Message("{number} units", number=_plain(metres))

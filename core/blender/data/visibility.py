@@ -1,8 +1,8 @@
-"""Which objects are shown, and which settings hide the others; `show` switches these on.
+"""Visible objects, the settings that hide others, and `show`, which turns these off.
 
-One rule for all ways to hide: an object is a part of the rig only while it is shown in the viewport
-and in renders. The eye, the monitor and the camera in the outliner count, its own and those of its
-collections, and so does a collection that the view layer leaves out.
+One rule for all ways to hide: an object is part of the rig only while it is visible in the viewport
+and in renders. The outliner's eye, monitor and camera count, the object's own and those of its
+collections, and so does exclusion from the view layer.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ import bpy
 from ...base.errors import RigError
 from ...base.messages import Message
 
-Switch = tuple[bpy.types.bpy_struct, str]  # its owner, its name
+Switch = tuple[bpy.types.bpy_struct, str]  # owner, name
 HIDES = "hide_viewport", "hide_render"  # switches of objects and collections
 IN_VIEWPORT, IN_RENDERS = Message(" in the viewport"), Message(" in renders")
 
@@ -25,11 +25,12 @@ class VisibleObjects:
         self._scene, self._layer = scene, layer
 
     def hidden_by(self, thing: bpy.types.Object) -> str:
-        """The setting that hides an object, to follow 'is hidden'; ''
-        where shown, or only the source of instances.
+        """Words after 'is hidden' for the setting that hides an object; '' if it is visible, or
+        only
+        the source of instances.
 
-        In a scene with thousands of objects the common case, an
-        object that is shown, is asked for nothing else.
+        Scenes may have thousands of objects: a visible one, the common case, needs one look-up
+        only.
         """
         if not is_visible(thing, self._layer):
             if thing not in self._in_scene:
@@ -47,8 +48,9 @@ class VisibleObjects:
         return by
 
     def _is_rendered(self, thing: bpy.types.Object) -> bool:
-        """Is an object in a collection that is rendered? Where one of its name is another object,
-        as one that is linked may be, Blender looks at all objects of all collections.
+        """Whether a rendered collection holds an object. Only if another object has the same name,
+        as
+        linked ones may, Blender looks at all objects of all collections.
         """
         if any(group.objects.get(thing.name) == thing for group in self._rendered):
             return True
@@ -67,7 +69,7 @@ class VisibleObjects:
         return set(open_collections(self._scene.collection, "hide_render"))
 
     def _by_collection(self, thing: bpy.types.Object, flags: tuple[str, ...], where: str) -> str:
-        """The first collection above an object that one of these flags switches off."""
+        """The first collection above an object with one of these flags on."""
         for way in ways_to(thing, self._layer.layer_collection):
             for layer in way:
                 if any(
@@ -83,22 +85,21 @@ class VisibleObjects:
 
 
 def is_visible(thing: bpy.types.Object, layer: bpy.types.ViewLayer | None = None) -> bool:
-    """Does a view layer, by default the one in use, show an object?
+    """Whether a view layer, by default the current one, shows an object.
 
-    Asked from a 3D viewport Blender counts its local view and its filter of types, too. These are
-    of one viewport alone, and a rig is the same in all of them.
+    Called from a 3D viewport Blender would also apply its local view and type filter. These belong
+    to one viewport, and a rig is the same in all of them.
     """
-    # the context of a file dialogue says None to all names that it does not know, to this one, too
+    # in a file dialogue the context returns None for all unknown names, such as this one
     with bpy.types.Context.temp_override(bpy.context, area=None):
         return thing.visible_get(view_layer=layer or bpy.context.view_layer)
 
 
 def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Does Blender keep a camera's place up to date?
+    """Whether Blender keeps a camera's transform up to date.
 
-    Always that of the scene's camera; of others not when they are disabled or left out of the view
-    layer: the depsgraph then has them with the place they had before, or at the origin, and does
-    not say so.
+    It always does for the scene's camera. Other cameras that are disabled or not in the view layer
+    have an old transform in the depsgraph, or the origin, without a warning.
     """
     scene = depsgraph.scene
     layer = depsgraph.view_layer
@@ -113,17 +114,17 @@ def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
 
 
 def instance_hidden_by(thing: bpy.types.Object) -> str:
-    """The setting that hides instances of an object, which
-    is itself in no scene, or is hidden there.
+    """Words for the setting that hides instances of an object, which is itself hidden or in no
+    scene.
     """
     return IN_RENDERS if thing.hide_render else ""
 
 
 def is_source_hidden(instance: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Does the source of an instance hide it in renders?
+    """Whether the source of an instance hides it in renders.
 
-    Geometry nodes that instance an object ignore its settings; those that instance a collection
-    follow the settings of its objects.
+    Geometry nodes that instance an object ignore its settings. If they instance a collection, its
+    objects' settings count.
     """
     source = instance.object.original
     if not source.hide_render:
@@ -136,9 +137,7 @@ def is_source_hidden(instance: bpy.types.DepsgraphObjectInstance) -> bool:
 
 
 def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bpy.types.Collection]:
-    """A collection and those below it that neither their own
-    flag nor that of one between switches off.
-    """
+    """A collection and those below it that are not switched off by a flag."""
     yield collection
     for child in collection.children:
         if not getattr(child, flag):
@@ -161,12 +160,12 @@ def ways_to(
 def show(thing: bpy.types.Object, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
     """Show an object in viewport and renders.
 
-    Of several collections that hold it, those are opened in which the fewest are closed. An object
-    that is shown only as an instance is shown by whatever makes the instance.
+    If several collections hold it, the chain with the fewest hidden ones is opened. For an object
+    visible only as an instance, the instancing object is shown.
 
     Raises
     ------
-    RigError : it stays hidden, since it is linked, animated or driven; everything is as it was
+    RigError : it stays hidden because it is linked, animated or driven; everything is as before
     """
     opened: list[Switch] = []
     closed_eyes: list[bpy.types.Object] = []
@@ -199,7 +198,7 @@ def show(thing: bpy.types.Object, scene: bpy.types.Scene, layer: bpy.types.ViewL
 
 
 def _to_show(thing: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
-    """The object, and where it is in the scene as an instance alone also what makes that."""
+    """The object, preceded by its instancing objects if it is in the scene only as an instance."""
     if thing.name not in scene.objects or scene.objects[thing.name] != thing:
         for maker in scene.objects:
             collection = maker.instance_collection
@@ -209,7 +208,7 @@ def _to_show(thing: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[bpy.ty
 
 
 def _of_collections(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> list[Switch]:
-    """The switches of collections that hide an object, along the way with the fewest."""
+    """The switches of collections that hide an object, along the chain with the fewest."""
     ways = [
         [
             switch
@@ -225,5 +224,5 @@ def _of_collections(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> list
 
 
 def _closed(owner: bpy.types.bpy_struct, *names: str) -> list[Switch]:
-    """Those of an owner's switches that hide."""
+    """The switches of an owner that are on."""
     return [(owner, name) for name in names if getattr(owner, name)]

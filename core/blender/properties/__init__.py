@@ -1,7 +1,7 @@
-"""The user's settings: roles on objects, settings and the last result on each rig's collection,
-what is shown on the window manager.
+"""The user's settings: roles on objects, settings and last result on each rig's collection, display
+options on the window manager.
 
-`scene.kiriko` is no property of Blender's, but stands for the settings of the active rig.
+`scene.kiriko` is a Python property: the settings of the active rig.
 """
 
 import bpy
@@ -35,7 +35,7 @@ classes = (
     KirikoScene,
     KirikoView,
 )
-# settings of objects and rigs, which are changed in library overrides, too
+# settings of objects and rigs, which library overrides can also change
 OVERRIDABLE = (
     KirikoPlate,
     KirikoPicture,
@@ -56,8 +56,8 @@ def register() -> None:
         overridden.be_overridable(cls)
     for cls in classes:
         bpy.utils.register_class(in_own_words(cls))
-    # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has
-    # been unregistered; a property that is added and taken away by hand does not.
+    # An annotation with a Python callback crashes the 4.2 module at exit, even after the class is
+    # unregistered. A property added and removed by hand does not.
     KirikoObject.image = PointerProperty(
         name="Image",
         translation_context=CONTEXT,
@@ -105,7 +105,7 @@ def _attach() -> None:
 
 
 def unregister() -> None:
-    """Take the settings away again."""
+    """Remove the settings."""
     overridden.unregister()
     del bpy.types.WindowManager.kiriko
     del bpy.types.Scene.kiriko

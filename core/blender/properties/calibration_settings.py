@@ -1,4 +1,4 @@
-"""Measurements of a real bench."""
+"""Settings of a calibration: measurements of a real bench."""
 
 from math import radians
 
@@ -24,7 +24,11 @@ KEPT = (
 
 
 class KirikoCalibration(bpy.types.PropertyGroup):
-    """Measurements of a real bench, its likely errors, and the result."""
+    """Measurements of a real bench, its likely errors, and the result.
+
+    found : the last calibration's result, JSON
+    offset : the rig's deviations by name, a set for each calibration, JSON
+    """
 
     columns: IntProperty(
         name="Columns", description="Number of lattice points across", default=7, min=2, max=99

@@ -1,4 +1,4 @@
-"""How light a picture is wanted, and how a display shines."""
+"""Tone settings of pictures, and light settings of displays."""
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty
@@ -10,7 +10,7 @@ ENCODINGS = (
 
 
 class KirikoPicture(bpy.types.PropertyGroup):
-    """How light a picture is wanted."""
+    """Tone of a picture."""
 
     brightness: FloatProperty(
         name="Picture Brightness",
@@ -48,7 +48,7 @@ class KirikoPicture(bpy.types.PropertyGroup):
 
 
 class KirikoDisplay(bpy.types.PropertyGroup):
-    """How a display shines."""
+    """Light of a display."""
 
     encoding: EnumProperty(
         name="Encoding",

@@ -1,4 +1,4 @@
-"""An object's part in the rig."""
+"""Settings of an object in the rig."""
 
 import bpy
 from bpy.props import (
@@ -18,7 +18,7 @@ from ...rig.rig import MOST_CROSSING_ERROR, ROLES
 from ..read.plane import show
 from .light import KirikoDisplay, KirikoPicture
 
-# None, then the roles by their numbers, which Blender's files keep
+# None, then the roles by their numbers, which Blender's files store
 ROLE_ITEMS = (
     ("NONE", "None", "Ignored by Kiriko", "X", 0),
     *sorted(
@@ -78,16 +78,14 @@ SURFACES = (
 
 
 def show_image(ours: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    """The plane shows the image that is chosen as the picture, too.
-    The plane's size is left to whoever chooses.
-    """
+    """Show the chosen image on the picture's plane. The plane's size is up to the caller."""
     ours.is_image_shown = False
     if ours.image is not None and ours.role == "PICTURE":
         ours.is_image_shown = show(ours.id_data, ours.image)
 
 
 class KirikoPlate(bpy.types.PropertyGroup):
-    """A plate's make."""
+    """The optical design of a plate."""
 
     model: EnumProperty(
         name="Model",
@@ -162,20 +160,31 @@ class KirikoPlate(bpy.types.PropertyGroup):
 
 
 class KirikoSlot(bpy.types.PropertyGroup):
-    """A material slot as it was before Make It Glass."""
+    """A material slot before Make It Glass; `link` is "OBJECT" or "DATA"."""
 
     link: StringProperty(options={"HIDDEN"})
     material: PointerProperty(type=bpy.types.Material, options={"HIDDEN"})
 
 
 class KirikoMaterial(bpy.types.PropertyGroup):
-    """What Kiriko remembers of a material."""
+    """Kiriko's record of a material.
+
+    alpha_before : opacity in Solid before Add Rig made the material see-through; 0 if it did not
+    """
 
     alpha_before: FloatProperty(options={"HIDDEN"})
 
 
 class KirikoObject(bpy.types.PropertyGroup):
-    """An object's part in the rig."""
+    """An object's part in the rig.
+
+    taken_as : name of glass when Add Rig added it to a rig; copies have it, too
+    is_made_glass : Add Rig gave the object its role
+    is_drawn_by_edges : Add Rig set Display As to Wire
+    is_given, given : Make It Glass gave the object its material; its slots before
+    is_image_shown : the plane's own material shows the chosen image and defines the picture from
+        then on
+    """
 
     role: EnumProperty(
         name="Role",

@@ -1,5 +1,5 @@
-"""How a rig is solved and exported, its viewers and its result: on its collection, or on the scene
-for a rig whose parts got their roles by hand.
+"""Settings, viewers and result of a rig: on its collection, or on the scene if roles were set by
+hand.
 """
 
 import bpy
@@ -69,12 +69,12 @@ EXPORT_FORMATS = (
 
 
 def is_camera(_settings: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
-    """Only cameras can be the viewer."""
+    """Whether an object can be the viewer: only cameras can."""
     return candidate.type == "CAMERA"
 
 
 class KirikoSight(bpy.types.PropertyGroup):
-    """How near or far a 3D view saw before Add Rig, and sees since."""
+    """Clip Start or Clip End (`path`) of the 3D views of a screen, before and after Add Rig."""
 
     screen: StringProperty(options={"HIDDEN"})
     path: StringProperty(options={"HIDDEN"})
@@ -83,7 +83,14 @@ class KirikoSight(bpy.types.PropertyGroup):
 
 
 class KirikoRig(bpy.types.PropertyGroup):
-    """How a rig is solved and exported, its viewers and its result."""
+    """Settings of a rig for solving and export, its viewers and its result.
+
+    is_rig : Add Rig made the collection
+    has_plate : the rig has a plate, which is missing if it is deleted
+    views : 3D views changed by Add Rig
+    viewers : the first entry is the rig's viewer; empty if there is only one
+    viewer_shown : number of the visible and simulated viewer
+    """
 
     is_rig: BoolProperty(options={"HIDDEN"})
     has_plate: BoolProperty(options={"HIDDEN"})
@@ -249,7 +256,10 @@ class KirikoRig(bpy.types.PropertyGroup):
 
 
 class KirikoScene(bpy.types.PropertyGroup):
-    """Which rig of a scene is active, and the settings of a scene without Add Rig."""
+    """The active rig of a scene, and the settings of a scene without a rig.
+
+    looking : settings to restore after Look Through Viewer, JSON
+    """
 
     rig: PointerProperty(type=bpy.types.Collection, options={"HIDDEN"})
     own: PointerProperty(type=KirikoRig)

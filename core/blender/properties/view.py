@@ -1,4 +1,4 @@
-"""What the interface shows of a rig. Neither scenes nor results depend on it."""
+"""Display options of the interface. Neither scenes nor results depend on them."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
@@ -15,19 +15,19 @@ IMAGES = (
 
 
 class KirikoView(bpy.types.PropertyGroup):
-    """What the interface shows of a rig."""
+    """Display options of the interface."""
 
     # show_overlay, left, right, wipe and show_rig: see `add`
     show_comparison: BoolProperty(options={"HIDDEN"})
 
 
 def redraw(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Have all viewports drawn again."""
+    """Redraw all viewports."""
     _redraw(context, "VIEW_3D")
 
 
 def redraw_shows(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Have all show windows drawn again, which are text editors."""
+    """Redraw all show windows, which are text editors."""
     _redraw(context, "TEXT_EDITOR")
 
 
@@ -41,13 +41,13 @@ def _redraw(context: bpy.types.Context, kind: str) -> None:
 def names_of_rigs(
     _settings: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
 ) -> list[str]:
-    """The scene's rigs whose names have a text in them."""
+    """The scene's rigs whose names contain a text."""
     names = [rig.name for rig in rigs(context.scene)]
     return [name for name in names if text.casefold() in name.casefold()]
 
 
 def add() -> None:
-    """Add the properties that have callbacks, by hand as those of objects and scenes are."""
+    """Add the properties with callbacks by hand, as for objects and scenes."""
     KirikoView.show_overlay = BoolProperty(
         name="Kiriko Light Path",
         description="Draw light paths from the picture's corners and centre while the Kiriko tab"
@@ -90,6 +90,6 @@ def add() -> None:
 
 
 def take_away() -> None:
-    """Take them away again."""
+    """Remove these properties."""
     for name in ("show_rig", "wipe", "right", "left", "show_overlay"):
         delattr(KirikoView, name)

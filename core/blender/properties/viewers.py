@@ -1,11 +1,11 @@
-"""One of several viewers that look at the display of a rig."""
+"""Settings of one of several viewers of a rig."""
 
 import bpy
 from bpy.props import BoolProperty, FloatProperty, PointerProperty
 
 
 def turn_on(ours: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    """Have a viewer that was set count, and be shown, where there is a list of several."""
+    """Turn on the rig's viewer in the list of viewers, and show it."""
     if ours.viewer is not None and len(ours.viewers):
         ours.viewers[0].is_on = True
         ours.viewer_shown = 0
