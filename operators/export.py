@@ -14,6 +14,7 @@ from ..core.blender.properties.rig_settings import EXPORT_FORMATS
 from ..core.files import disk, image_io
 from . import needed, telling, watch
 from .choose_rig import EndsWithRig
+from .wrapping import sentence
 
 OLD = Message("Export the old image?")
 ALL_THE_SAME = Message("Export All the Same")
@@ -190,7 +191,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         layout.use_property_split = True
         layout.prop(self, "form")
         for reason in unwritable(self.form):
-            layout.label(text=telling.in_words(reason), icon="ERROR", translate=False)
+            sentence(layout, context, Message("{reason}.", reason=reason), icon="ERROR")
 
     def _named(self, path: str) -> str:
         """A path with the suffix of the format."""

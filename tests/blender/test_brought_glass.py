@@ -1,11 +1,14 @@
 """Glass as artists bring it: welded while it is read, solved, and judged by Cycles."""
 
+from collections.abc import Callable
+
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
 
 from fuzz.shapes import BROUGHT, fitting, shown_points
+from panel_layout import Layout
 
 CLOSED = [
     *("text", "bevelled text", "rod", "splines", "metaballs", "unwelded", "engraved", "array"),
@@ -114,3 +117,72 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     solution = run_steps(Session().solve(reading.rig))
     assert solution.picture_coverage + sum(solution.misses.values()) == pytest.approx(1, abs=1e-9)
     assert not any("gaps" in warning for warning in solution.warnings)
+
+
+PROFILE = 1e-3 * np.array(
+    [
+        *[(0.1, 0), (30, 0), (32, 1), (31, 2.5), (14, 4), (5, 8), (4, 20), (4, 50), (4, 80)],
+        *[(8, 88), (20, 98), (30, 112), (36, 130), (38, 150), (37, 170), (36, 190)],
+        *[(34.5, 190), (35.5, 170), (36.3, 150), (34, 130), (18, 104), (0.1, 97)],
+    ]
+)  # m, radius and height of a goblet
+COLUMNS = 48
+
+
+def downloaded() -> bpy.types.Object:
+    """A goblet as an OBJ file has it: loose flat triangles, 6 % of them flipped."""
+    turns = 2 * np.pi * np.arange(COLUMNS) / COLUMNS
+    radius, height = PROFILE.T[:, :, None]
+    rings = np.stack([radius * np.cos(turns), radius * np.sin(turns), height + 0 * turns], axis=2)
+    a, b = rings[:-1], np.roll(rings, -1, axis=1)[:-1]
+    d, c = rings[1:], np.roll(rings, -1, axis=1)[1:]
+    sides = [np.stack(corners, axis=2).reshape(-1, 3, 3) for corners in ((a, b, c), (a, c, d))]
+    ends = []
+    for ring, order in ((rings[0], [0, 2, 1]), (rings[-1], [0, 1, 2])):
+        middle = np.broadcast_to(ring.mean(axis=0), ring.shape)
+        ends.append(np.stack([middle, ring, np.roll(ring, -1, axis=0)], axis=1)[:, order])
+    triangles = np.concatenate([*sides, *ends])
+    is_flipped = np.random.default_rng(0).random(len(triangles)) < 0.06
+    triangles[is_flipped] = triangles[is_flipped][:, ::-1]
+
+    mesh = bpy.data.meshes.new("WineGlass")
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3).tolist()
+    mesh.from_pydata(triangles.reshape(-1, 3).tolist(), [], faces)
+    thing = bpy.data.objects.new("WineGlass", mesh)
+    bpy.context.scene.collection.objects.link(thing)
+    thing.select_set(True)
+    return thing
+
+
+def test_a_downloaded_goblet_is_not_ready_before_it_is_merged_and_smooth(
+    scene, look: Callable[[], list], drawn: Callable[..., Layout]
+):
+    """Triangulated, so that half of each facet's neighbours are coplanar. The panel names both
+    faults, and one button merges, recalculates and smooths; then there is nothing left to do.
+    """
+    glass = downloaded()
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    bpy.ops.kiriko.make_glass(part=glass.name)
+    entries = look()
+    (entry,) = (one for one in entries if glass.name in one.text)
+    assert entry.icon == "ERROR"
+    assert "faces are flat" in entry.text
+    assert "flipped" in entry.text
+    texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
+    assert not [text for text in texts if text.startswith("Ready")]
+
+    (button,) = entry.buttons
+    assert button.label == "Merge, Recalculate Normals and Shade Smooth"
+    assert bpy.ops.kiriko.shade_smooth(**dict(button.properties)) == {"FINISHED"}
+    assert not [one for one in look() if glass.name in one.text]
+    assert len(glass.data.vertices) == COLUMNS * len(PROFILE) + 2
+    faults = look_at(glass)
+    assert (faults.n_turned, faults.n_open, faults.n_facets, faults.n_loose) == (0, 0, 0, 0)
+    assert not faults.is_inside_out
+
+
+def look_at(thing: bpy.types.Object):
+    """The faults of a mesh."""
+    from kiriko.core.blender.checks.faults import counts_of
+
+    return counts_of(thing.data)

@@ -102,6 +102,11 @@ def _counted(n: int, thing: Thing) -> dict[str, object]:
     return {"name": thing.named.name, "n": n, "s": "s" if n > 1 else ""}
 
 
+def _and_flipped(thing: Thing) -> Message | str:
+    n = thing.own_faults.n_turned or thing.faults.n_turned
+    return Message(", and {n} are flipped", n=n) if n else ""
+
+
 APPEARANCE = (
     (
         Finding(
@@ -161,9 +166,10 @@ SHAPE = (
         Finding(
             is_facetted,
             lambda thing: Message(
-                "'{name}' looks curved, but its {n} faces are flat.",
+                "'{name}' looks curved, but its {n} faces are flat{flipped}.",
                 name=thing.named.name,
                 n=thing.faults.n_facets,
+                flipped=_and_flipped(thing),
             ),
             (shade_smooth,),
             is_brought,
