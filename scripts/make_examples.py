@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import bpy  # makes the other modules known
+import bpy  # first: it adds Blender's other modules
 
 import bmesh  # isort: skip
 from mathutils import Matrix

@@ -1,5 +1,5 @@
-"""The README's pictures: the viewer's sight, warped and
-corrected, in Cycles. Started by `dev.py pictures`.
+"""The pictures of README and docs, rendered in Cycles: the gallery, the manual's first picture, and
+a glass ball with a pattern, warped and corrected. Started by `dev.py pictures`.
 """
 
 from __future__ import annotations
@@ -10,10 +10,13 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from PIL import Image
 
 import kiriko
-from bench.brought_glass import made
 from demo import RIGS
+from gallery.exhibits import EXHIBITS
+from gallery.show import render
+from kiriko.core.base.arrays import Floats
 from kiriko.core.base.steps import run_steps
 from kiriko.core.blender.preview.cycles_preview import render_preview
 from kiriko.core.files import image_io
@@ -21,15 +24,18 @@ from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import without_glass
 from kiriko.operators import work
-from known.reference_rigs import glass_rig
 
-PIXELS = 480
+PIXELS = 480  # of a picture of the ball
 SAMPLES = 128
+GALLERY = 640, 480
+HERO, HERO_SIZE = "goblet", (1200, 675)  # the gallery has its middle
+GALLERY_BYTES, HERO_BYTES = 60_000, 120_000
+SHOULDER = 0.6  # brighter light is compressed
 
 
-def star_pattern(size: int = 1024) -> np.ndarray:
-    """Lines of cut glass (size, size, 3), linear: a triangular
-    grid and its altitudes, in a square frame.
+def star_pattern(size: int = 1024) -> Floats:
+    """Lines of cut glass (size, size, 3), linear: a triangular grid and its altitudes, in a square
+    frame.
     """
     y, x = (np.mgrid[:size, :size] + 0.5) / size * 2 - 1
     y = -y
@@ -60,7 +66,7 @@ def star_pattern(size: int = 1024) -> np.ndarray:
 
 
 def light_the_glass() -> None:
-    """A dim room and a window at the left, so that the glass itself is seen."""
+    """A dim room and a window on the left, to make the glass itself visible."""
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("Room")
     scene.world.use_nodes = True
@@ -74,10 +80,10 @@ def light_the_glass() -> None:
         scene.collection.objects.link(light)
 
 
-def run(name: str, folder: Path) -> None:
-    """Write NAME_warped.png, NAME_corrected.png and NAME_source.png."""
+def run_ball(folder: Path) -> None:
+    """Write ball_warped.png, ball_corrected.png and ball_source.png."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    RIGS[name]()
+    RIGS["ball"]()
     scene = bpy.context.scene
     pattern = star_pattern()
     picture = next(thing for thing in scene.objects if thing.kiriko.role == "PICTURE")
@@ -96,39 +102,79 @@ def run(name: str, folder: Path) -> None:
     ).source
     light_the_glass()
 
-    for what, source in (("warped", plain), ("corrected", solution.source)):
+    for name, source in (("warped", plain), ("corrected", solution.source)):
         seen = render_preview(
             scene, reading, source, size=(PIXELS, PIXELS), samples=SAMPLES, surroundings=True
         )
-        image_io.write(folder / f"{name}_{what}.png", seen[..., :3], "PNG8", overwrite=True)
+        image_io.write(folder / f"ball_{name}.png", seen[..., :3], "PNG8", overwrite=True)
 
     small = solution.source.reshape(512, 4, 512, 4, 3).mean(axis=(1, 3))
-    image_io.write(folder / f"{name}_source.png", small, "PNG8", overwrite=True)
+    image_io.write(folder / "ball_source.png", small, "PNG8", overwrite=True)
 
 
-def run_glare(folder: Path) -> None:
-    """Write glare_seen.png and glare_suppressed.png: all
-    that is seen of a vase, by Kiriko's own map.
-    """
-    pattern = np.concatenate([star_pattern(), np.ones((1024, 1024, 1), np.float32)], axis=2)
-    mesh = replace(made("vase"), surface="automatic")
-    a_rig = glass_rig(mesh, image=pattern, pixels=PIXELS)
-    for what, weight in (("seen", 0.0), ("suppressed", 1.0)):
-        solution = run_steps(Session().solve(a_rig, Settings(suppress_glare=weight)))
-        image_io.write(
-            folder / f"glare_{what}.png", solution.seen(beside=True), "PNG8", overwrite=True
-        )
+def developed(light: Floats) -> Image.Image:
+    """Linear light (h, w, 3) as sRGB, with a soft shoulder in the highlights."""
+    light = np.maximum(light, 0.0)
+    room = 1 - SHOULDER
+    soft = SHOULDER + room * np.tanh((light - SHOULDER) / room)
+    light = np.where(light < SHOULDER, light, soft)
+    encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return Image.fromarray((255 * np.clip(encoded, 0, 1) + 0.5).astype(np.uint8))
+
+
+def pack(image: Image.Image, path: Path, most: int) -> None:
+    """Write a WebP in the best quality below a number of bytes."""
+    for quality in range(92, 40, -4):
+        image.save(path, quality=quality, method=6)
+        if path.stat().st_size < most:
+            break
+    print(f"{path.name}: {path.stat().st_size / 1000:.0f} kB, quality {quality}", flush=True)
+
+
+def run_gallery(folder: Path, name: str, samples: int) -> None:
+    """Write gallery/NAME.webp."""
+    (folder / "gallery").mkdir(exist_ok=True)
+    if name == HERO:
+        image = run_hero(folder, samples)
+    else:
+        image = developed(render(EXHIBITS[name], GALLERY, samples))
+    pack(image, folder / "gallery" / f"{name}.webp", GALLERY_BYTES)
+
+
+def run_hero(folder: Path, samples: int) -> Image.Image:
+    """Write hero.webp; its middle in the size of the gallery."""
+    exhibit = EXHIBITS[HERO]
+    width, height = HERO_SIZE
+    middle = height * GALLERY[0] / GALLERY[1]
+    look = exhibit.look._replace(width=exhibit.look.width * width / middle)
+    image = developed(render(replace(exhibit, look=look), HERO_SIZE, samples))
+    pack(image, folder / "hero.webp", HERO_BYTES)
+    left = (width - middle) / 2
+    box = left, 0, left + middle, height
+    return image.resize(GALLERY, Image.Resampling.LANCZOS, box)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/pictures"))
+    parser.add_argument("--out", type=Path, default=Path("docs/pictures"), metavar="FOLDER")
+    parser.add_argument("--samples", type=int, default=SAMPLES, metavar="N", help="for each pixel")
+    which = [*EXHIBITS, "ball"]
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=which,
+        default=which,
+        metavar="NAME",
+        help=f"{', '.join(which)}",
+    )
     arguments = parser.parse_args()
     folder = arguments.out.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    for name in RIGS:
-        run(name, folder)
-    run_glare(folder)
+    for name in EXHIBITS:
+        if name in arguments.only:
+            run_gallery(folder, name, arguments.samples)
+    if "ball" in arguments.only:
+        run_ball(folder)
     kiriko.unregister()
 
 

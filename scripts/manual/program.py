@@ -49,8 +49,8 @@ def blender_program(named: str | None) -> str:
 
 
 @contextmanager
-def screen() -> Iterator[dict[str, str]]:
-    """Environment variables of a screen: the one that is there, else a virtual one."""
+def screen(size: tuple[int, int] = SIZE) -> Iterator[dict[str, str]]:
+    """Environment variables of a screen: the existing one, else a virtual one of this size."""
     if not sys.platform.startswith("linux") or os.environ.get("DISPLAY"):
         yield {}
         return
@@ -60,7 +60,7 @@ def screen() -> Iterator[dict[str, str]]:
     number = next((n for n in FREE if not Path(f"/tmp/.X11-unix/X{n}").exists()), None)
     if number is None:
         raise ToolError(f"Displays {FREE[0]} to {FREE[-1]} are all taken: end what uses them.")
-    width, height = SIZE
+    width, height = size
     options = ["-screen", "0", f"{width}x{height}x24", "-dpi", "96", "+extension", "GLX"]
     server = subprocess.Popen(["Xvfb", f":{number}", *options], stderr=subprocess.DEVNULL)
     try:
@@ -84,11 +84,18 @@ def built_extension() -> Path:
 
 
 def play(
-    names: Sequence[str], blender: str | None, extension: Path | None, language: str = "en_US"
+    names: Sequence[str],
+    blender: str | None,
+    extension: Path | None,
+    language: str = "en_US",
+    inside: str = "manual/inside.py",
+    size: tuple[int, int] = SIZE,
 ) -> Path:
     """Play in a new Blender with an empty profile; the folder with pictures and accounts.
 
     language : that of Blender's interface
+    inside : script of scripts/ for Blender to run
+    size : of the window, px
     """
     program = blender_program(blender)
     zipped = extension or built_extension()
@@ -97,12 +104,15 @@ def play(
     folder.mkdir(parents=True)
     command = [
         program, "--factory-startup", "--offline-mode", "--enable-event-simulate",
-        "--python-use-system-env", "--window-geometry", "0", "0", *map(str, SIZE),
-        "--python", str(ROOT / "scripts" / "manual" / "inside.py"),
+        "--python-use-system-env", "--window-geometry", "0", "0", *map(str, size),
+        "--python", str(ROOT / "scripts" / inside),
         "--", str(zipped.resolve()), str(folder), language, *names,
     ]  # fmt: skip
 
-    with screen() as variables, tempfile.TemporaryDirectory(prefix="profile-", dir=folder) as home:
+    with (
+        screen(size) as variables,
+        tempfile.TemporaryDirectory(prefix="profile-", dir=folder) as home,
+    ):
         # a home of its own, or a file that is there could be taken for the exported one
         extra = {
             "BLENDER_USER_RESOURCES": home,

@@ -1,0 +1,1 @@
+"""The README's film, recorded in the real Blender."""

@@ -1,0 +1,1 @@
+"""The gallery of docs/pictures/gallery: real rigs in a lit room."""
