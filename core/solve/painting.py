@@ -176,7 +176,7 @@ def _add(
 
     placed.is_counted = True
     if not placed.shares.are_kept:
-        placed.filter_taps.clear()  # they save little if the shares themselves have to be made again
+        placed.filter_taps.clear()  # they save little if shares are remade
 
 
 def place(view_map: ViewMap, picture: PicturePlace, key: ChannelKey, settings: Settings) -> Placed:
