@@ -2,7 +2,7 @@
 
 import re
 
-from .messages import Message
+from .messages import Message, as_message
 
 
 def one_line(text: str) -> str:
@@ -42,3 +42,27 @@ class MeshError(KirikoError):
 
 class ImageError(KirikoError):
     """An image cannot be read or written."""
+
+
+def out_of_range(
+    owner: str, label: str, value: float | str, least: float, most: float | None = None
+) -> RigError:
+    """Error for a number that has to lie in least..most or, without `most`, above `least`.
+
+    owner : start of the sentence
+    label : the number's name in the interface
+    """
+    text = value if isinstance(value, str) else f"{value:g}"
+    values = {"owner": owner, "name": as_message(label), "value": text, "least": least}
+    if most is None:
+        return RigError("{owner} has the {name} {value}: set it above {least:g}.", **values)
+    return RigError(
+        "{owner} has the {name} {value}: set it from {least:g} to {most:g}.", **values, most=most
+    )
+
+
+def not_finite(owner: str) -> RigError:
+    """Error for a number that is not finite."""
+    return RigError(
+        "{owner} has a number that is not finite: check its drivers and keyframes.", owner=owner
+    )

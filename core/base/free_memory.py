@@ -23,7 +23,7 @@ def check_free(needed: float, work: str, remedy: str) -> None:
     free = available()
     if free is not None and needed > free:
         raise RigError(
-            "{work} would take about {needed} GB of memory, but {free} GB are free: {remedy}.",
+            "{work} needs about {needed} GB of memory, but only {free} GB are free: {remedy}.",
             work=work,
             needed=number(needed / 1e9),
             free=number(free / 1e9),

@@ -3,7 +3,7 @@
 from .messages import Message, as_message
 from .numbers import number
 
-NO_PLATE = Message("The display, seen with no plate in between,")  # start of a sentence
+NO_PLATE = Message("Without a plate, the display")  # start of a sentence
 
 
 def percent(share: float) -> str:
@@ -44,7 +44,7 @@ def shares_in_words(misses: dict[str, float]) -> list[Message]:
 def listed(misses: dict[str, float]) -> Message:
     """Shares by reason, largest first, as one list of clauses."""
     clauses = shares_in_words(misses)
-    whole = clauses[0] if clauses else Message("")
+    whole = clauses[0] if clauses else as_message("")
     for clause in clauses[1:]:
         whole = Message("{clauses}, {clause}", clauses=whole, clause=clause)
     return whole

@@ -136,7 +136,7 @@ def is_there(path: Path) -> bool:
     except (OSError, ValueError) as reason:  # too long, or an illegal character
         why = getattr(reason, "strerror", None) or reason
         raise ImageError(
-            "The path '{folder}' has no room for such a name ({why}): choose another.",
+            "The folder '{folder}' cannot hold a file of this name ({why}): choose another name.",
             folder=path.parent,
             why=why,
         ) from None
@@ -146,7 +146,7 @@ def check_new(path: Path, overwrite: bool) -> None:
     """Raise ImageError if the file exists and must not be replaced."""
     if is_there(path) and not overwrite:
         raise ImageError(
-            "The file '{path}' exists already: choose another name or allow overwriting.", path=path
+            "The file '{path}' already exists: choose another name or allow overwriting.", path=path
         )
 
 

@@ -45,24 +45,19 @@ def in_ranges(frames: Iterable[int]) -> str:
 def _of_part(part: str, text: str) -> Iterable[int]:
     found = PART.fullmatch(part)
     if found is None:
-        raise RigError(
-            "'{text}' is no list of frames: write numbers and ranges with commas between, such as"
-            " 1,5,10-20 or 1-250:2, which is every second one.",
-            text=text,
-        )
+        raise _not_frames(text)
 
     first, last, step = (None if number is None else int(number) for number in found.groups())
     last = first if last is None else last
-    if step == 0 or last < first:
-        raise RigError(
-            "The frames '{part}' are no range: begin with the smaller number, with a step of 1 or"
-            " more.",
-            part=part,
-        )
-    if max(abs(first), abs(last)) > MOST:
-        raise RigError(
-            "The frames '{part}' are beyond {most}, the last that Blender has.",
-            part=part,
-            most=MOST,
-        )
+    if step == 0 or last < first or max(abs(first), abs(last)) > MOST:
+        raise _not_frames(part)
     return range(first, last + 1, step or 1)
+
+
+def _not_frames(text: str) -> RigError:
+    return RigError(
+        "'{text}' is not a list of frames: write numbers up to {most} and rising ranges, such as"
+        " 1,5,10-20 or 1-250:2 (every second frame).",
+        text=text,
+        most=MOST,
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.errors import ImageError
-from ..base.messages import Message, joined
+from ..base.messages import Message
 from . import png
 from .disk import check_new, together
 from .encoding import encode as encode  # imported here by scripts
@@ -67,7 +67,7 @@ def format_for(path: Path | str, form: str) -> str:
     )
 
 
-REMEDY = Message("install it (in Debian python3-openimageio) or take Blender from blender.org")
+REMEDY = Message("install it (on Debian: python3-openimageio) or use Blender from blender.org")
 
 
 def openimageio() -> Any:
@@ -76,7 +76,7 @@ def openimageio() -> Any:
         return importlib.import_module("OpenImageIO")  # imported late: only file operations need it
     except ImportError:
         raise ImageError(
-            "This Blender's Python has no OpenImageIO, which reads and writes the files: {remedy}.",
+            "Blender's Python has no OpenImageIO to read and write images: {remedy}.",
             remedy=REMEDY,
         ) from None
 
@@ -90,11 +90,9 @@ def why_not(form: str) -> str:
     """Why a format cannot be written, with the remedy and without a full stop; '' if it can."""
     if form in PLAIN or has_openimageio():
         return ""
-    others = {FORMATS[name].suffix for name in PLAIN}
     return Message(
-        "This Blender's Python has no OpenImageIO, which writes {suffix}: {instead}{remedy}",
+        "Blender's Python has no OpenImageIO to write {suffix}: choose .png, or {remedy}",
         suffix=FORMATS[form].suffix,
-        instead=joined(Message("choose {suffix}, ", suffix=suffix) for suffix in sorted(others)),
         remedy=REMEDY,
     )
 
@@ -211,14 +209,16 @@ def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
     is_written = out is not None and out.open(str(path), spec)
     is_written = is_written and out.write_image(pixels) and out.close()
     if not is_written:
-        why = (oiio if out is None else out).geterror().strip() or Message("no reason given")
+        why = (oiio if out is None else out).geterror().strip() or "OpenImageIO"
         out = None  # closes it: some systems cannot remove an open file
         raise ImageError(
             "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
         )
 
     if not _is_whole(path):  # OpenImageIO does not report a disk that fills up at a PNG's end
-        raise ImageError("The file '{path}' is not whole after writing: check the disk.", path=path)
+        raise ImageError(
+            "The file '{path}' is incomplete after writing: check the disk.", path=path
+        )
 
 
 def _is_whole(path: Path) -> bool:
@@ -253,14 +253,14 @@ def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str
         source.close()
 
     pixels = np.asarray(pixels, None if is_plain else np.float32)
-    return pixels, _words(spec)
+    return pixels, _metadata(spec)
 
 
 def about(path: Path | str) -> dict[str, Any]:
     """The metadata of an image file; raises as `read` does."""
     source = _opened(path)
     try:
-        return _words(source.spec())
+        return _metadata(source.spec())
     finally:
         source.close()
 
@@ -275,16 +275,16 @@ def size(path: Path | str) -> tuple[int, int]:
         source.close()
 
 
-def _words(spec: Any) -> dict[str, Any]:
-    # OpenImageIO 3.0 crashes if asked for a profile's empty signature
+def _metadata(spec: Any) -> dict[str, Any]:
+    # OpenImageIO 3.0 crashes when reading a profile's empty signature
     listed = [one for one in spec.extra_attribs if not one.name.startswith("ICCProfile:")]
-    words = {one.name: one.value for one in listed}
-    if "ICCProfile" in words:
-        words[PROFILE_NAME] = spec.getattribute(PROFILE_NAME)
+    metadata = {one.name: one.value for one in listed}
+    if "ICCProfile" in metadata:
+        metadata[PROFILE_NAME] = spec.getattribute(PROFILE_NAME)
     # Blender writes text or 0 into PNGs, which means no rotation
-    if words.get("Orientation") not in range(1, 9):
-        words.pop("Orientation", None)
-    return words
+    if metadata.get("Orientation") not in range(1, 9):
+        metadata.pop("Orientation", None)
+    return metadata
 
 
 def _opened(path: Path | str) -> Any:

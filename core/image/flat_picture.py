@@ -67,7 +67,7 @@ def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
 def not_flat(place: PicturePlace) -> RigError:
     """Error for a picture that has to be a flat rectangle."""
     return RigError(
-        "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
+        "The picture '{picture}' is not a flat rectangle: choose a flat plane for it.",
         picture=place.name,
     )
 

@@ -74,7 +74,7 @@ class StrayLight:
         return Message("most of it {sides} it", sides=joined(words, " and "))
 
 
-def looking_beside(plan: Plan) -> Plan:
+def with_stray_light(plan: Plan) -> Plan:
     """The same plan, following light past the glass to the display."""
     return replace(plan, settings=replace(plan.settings, suppress_glare=1.0))
 
@@ -86,7 +86,7 @@ def trace_stray_light(plan: Plan, seed: int = 0) -> Steps[StrayLight]:
     cell = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
     within = np.random.default_rng(seed).random(cell.shape)
     view = (cell + within) / N_RAYS_A_SIDE * (viewer.width, viewer.height)
-    landings = yield from tracing(looking_beside(plan), *viewer.rays(view))
+    landings = yield from tracing(with_stray_light(plan), *viewer.rays(view))
 
     size = plan.rig.display.width, plan.rig.display.height
     is_through, pixel = landings.pixels(*size)

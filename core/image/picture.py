@@ -17,8 +17,8 @@ from .flat_picture import LEAST, FlatMapping, flat_mapping, outline_in_view
 POINTS_AT_ONCE = 1 << 16  # so their arrays stay in the cache
 MESH_STEP_PX = 1e-3  # viewer px, step of finite differences on a mesh
 EDGE_ON = 1e-3  # width relative to length below which a picture is edge-on
-BY_MIRROR = Message(" (where it is seen by way of a mirror, set Picture to Image)")
-# viewer px, side of pixel blocks, most of which the picture covers fully or not at all
+BY_MIRROR = Message(" (if it is seen in a mirror, set Picture to Image)")
+# viewer px, side of pixel blocks; the picture covers most of them fully or not at all
 BLOCK_PX = 16
 UPRIGHT = 1e-3  # of the variance along y: less along x is treated as 0, as rounding may be as large
 
@@ -130,16 +130,12 @@ def _cover_of_blocks(lines: Floats, width: int, height: int) -> Floats:
 def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
     """Why an unobstructed picture on a plane is not seen, and the remedy: two clauses."""
     corners = place.mesh.corners.reshape(-1, 3)
-    if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
-        return Message(
-            "which is behind the viewer: turn the viewer round, or move the picture before"
-            " it{hint}",
-            hint=BY_MIRROR,
-        )
-
     outside = Message(
         "which is outside its view: move it into the camera's frame{hint}", hint=BY_MIRROR
     )
+    if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
+        return outside
+
     seen = viewer.project(corners)
     seen = seen[np.isfinite(seen).all(axis=1)]
     low = seen.min(axis=0)

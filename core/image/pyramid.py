@@ -142,7 +142,7 @@ class Pyramid:
     def __init__(self, image: NDArray[np.float32]) -> None:
         """Build all levels of an image (h, w, 4), linear, premultiplied."""
         if image.ndim != 3 or min(image.shape[:2]) < 1:
-            raise RigError("The picture has no pixels: choose another image.")
+            raise RigError("The picture has no pixels: choose an image.")
         self._frozen = weakref.ref(image) if is_frozen(image) else None
         self.levels = [_in_rows(image, is_fixed=self._frozen is not None)]
         while max(self.levels[-1].shape[:2]) > 1:

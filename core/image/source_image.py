@@ -58,7 +58,7 @@ class Painting:
         self._total += np.array(colours)[:, None, None] * other._total
 
     def finished(
-        self, weight: Floats, margin: int = 0, beside: Floats | None = None
+        self, weight: Floats, margin: int = 0, stray: Floats | None = None
     ) -> NDArray[np.float32]:
         """Source image (H, W, 3), linear, finite.
 
@@ -66,12 +66,12 @@ class Painting:
         ----------
         weight : (H, W), sum of area * T^2 over the shares of each display pixel
         margin : px by which the covered area grows outward
-        beside : (H, W), the same sum over light past the glass, which should be dark
+        stray : (H, W), the same sum over light past the glass, which should be dark
         """
         covered, is_free = weight >= LEAST_WEIGHT, True
-        if beside is not None:
-            weight = weight + beside
-            is_free = beside == 0
+        if stray is not None:
+            weight = weight + stray
+            is_free = stray == 0
 
         if loading.library() is not None:
             image = image_passes.finish(self._total, weight, covered)

@@ -169,13 +169,9 @@ def compile_plan_steps(
         display=PlannedDisplay(int(parts.starts[-2]), plane, bool(by_display.any())),
         aside=DeferredObjects(aside, boxes_aside),
         merge_distance=merge_distance,
-        used=tuple(name for name, (is_used, _) in features.items() if is_used),
+        used=tuple(name for name, is_used in features.items() if is_used),
         left_out=(
-            *(
-                Message("{name} ({reason})", name=name, reason=reason)
-                for name, (is_used, reason) in features.items()
-                if not is_used
-            ),
+            *(name for name, is_used in features.items() if not is_used),
             *(
                 Message("'{glass}' (no light comes near it)", glass=rig.glasses[i].name)
                 for i in aside
@@ -255,45 +251,26 @@ def _features(
     media: Media,
     is_clear: Bools,
     settings: Settings,
-) -> dict[str, tuple[bool, str | None]]:
-    """Features a plan may use: whether this one does, and why not.
+) -> dict[str, bool]:
+    """Features a plan may use, by name, and whether this one does.
 
     is_clear : (p, 2) light beyond a plate can only meet the display
     """
     is_plate = parts.kind == Kind.PLATE
-    has_arrays = any(isinstance(one, ArrayFrame) for one in parts.elements)
-    no_plate = None if is_plate.any() else Message("there is no plate")
-    is_sent_on = is_clear[is_plate].any(axis=1).all()
     no_kernel = TRACERS[0].left_out(layers, parts.kind)
-    has_engine = any(held.layer.has_engine for held in layers)
-    no_engine = None
-
-    if not has_engine:
-        no_engine = Message("few flat faces")
-    elif no_kernel is None:
-        no_engine = Message("the kernel has its own trees")
-
-    engine = (
-        Message("ray engine")
-        if no_engine
-        else Message("ray engine ({kind})", kind=engine_kind().name)
-    )
+    has_engine = any(planned.layer.has_engine for planned in layers) and no_kernel is not None
+    kernel, engine = Message("compiled kernel"), Message("ray engine")
+    if no_kernel:
+        kernel = Message("{name} ({reason})", name=kernel, reason=no_kernel)
+    if has_engine:
+        engine = Message("{name} ({reason})", name=engine, reason=engine_kind().name)
     return {
-        Message("compiled kernel"): (no_kernel is None, no_kernel),
-        engine: (no_engine is None, no_engine),
-        Message("curved faces"): (
-            any(s.curved is not None for s in parts.surfaces),
-            Message("no face that may be curved turns far"),
-        ),
-        Message("bent normals"): (
-            any(s.corner_normals is not None for s in parts.surfaces),
-            Message("no flat face has any"),
-        ),
-        Message("overlapping media"): (media.n_overlapping > 0, Message("the solids are disjoint")),
-        Message("mirror array"): (has_arrays, no_plate or Message("the plate is ideal")),
-        Message("rays beyond the plate"): (
-            not is_sent_on,
-            no_plate or Message("a flat display is all there is"),
-        ),
-        Message("Fresnel"): (settings.brightness, Message("brightness is not asked for")),
+        kernel: no_kernel is None,
+        engine: has_engine,
+        Message("curved faces"): any(s.curved is not None for s in parts.surfaces),
+        Message("bent normals"): any(s.corner_normals is not None for s in parts.surfaces),
+        Message("overlapping media"): media.n_overlapping > 0,
+        Message("mirror array"): any(isinstance(one, ArrayFrame) for one in parts.elements),
+        Message("light beyond the plate"): not is_clear[is_plate].any(axis=1).all(),
+        Message("Fresnel"): settings.brightness,
     }

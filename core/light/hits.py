@@ -20,7 +20,7 @@ class Hits:
     enters : (n,) the ray comes from the front
     cosine : (n,) of the angle between the ray and the face's normal, 0..1
     facing : (n, 3) normal of a curved face, not unit, 0 for flat ones; None if nothing is curved
-    normal : (n, 3) normal by which a curved face refracts; None if all refract by their own
+    normal : (n, 3) refracting normal of a curved face; None if all use their own
     """
 
     distance: Floats

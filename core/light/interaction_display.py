@@ -187,7 +187,7 @@ def _contact(plan: Plan, first: Hits, by_layer: list[Hits]) -> Contact:
     return Contact(display, glass, leaves, enters)
 
 
-def in_order(plan: Plan, first: Hits, by_layer: list[Hits]) -> Hits:
+def order_contacts(plan: Plan, first: Hits, by_layer: list[Hits]) -> Hits:
     """The first hits of rays, corrected where glass and display are in contact."""
     contact = _contact(plan, first, by_layer)
     if contact.leaves.any():

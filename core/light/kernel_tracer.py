@@ -131,6 +131,7 @@ FOR_EVER = 1 << 31  # events
 # as in kiriko.h; plans with other kinds are left to numpy
 KINDS = (*range(5), 31)  # the last splits rays, for tests
 LAYOUTS = "crossed", "holes", "radial"
+UNSUPPORTED = Message("unsupported parts")
 _plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
 
 
@@ -155,17 +156,17 @@ def left_out(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
     """Why the kernel cannot trace a plan of these layers and parts of kinds (p,); None if it
     can.
     """
-    return Message("it is not there") if library() is None else _unsupported(layers, kind)
+    return Message("not available") if library() is None else _unsupported(layers, kind)
 
 
 def _unsupported(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
     if len(layers) > MOST_LAYERS:
-        return Message("more than {n} layers", n=MOST_LAYERS)
+        return UNSUPPORTED
     if not np.isin(kind, KINDS).all() or any(
         type(held.layer) is not Layer or type(held.layer.curved) not in (CurvedFaces, type(None))
         for held in layers
     ):
-        return Message("faces of another kind")
+        return UNSUPPORTED
     return None
 
 

@@ -93,8 +93,8 @@ def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Medi
         place[i] = next(bit for bit in range(least, len(solids)) if bit not in taken)
         if place[i] >= N_BITS:
             raise RigError(
-                "More than {most} glass solids around '{name}' touch, overlap or nest: join"
-                " them by a Remesh modifier, or move them apart.",
+                "More than {most} solids around '{name}' touch, overlap or nest: join them with a"
+                " Remesh modifier, or move them apart.",
                 most=N_BITS,
                 name=solids[i].glass.name,
             )

@@ -324,8 +324,8 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
     side = normalise(side - (side @ normal) * normal)
     if not (side @ side > 0.5 and np.isfinite(0.0 if plate.centre is None else plate.centre).all()):
         raise RigError(
-            "The x axis of the plate '{plate}' does not lie in the plate, but its mirrors"
-            " stand at 45 degrees to that axis: turn its mesh, and apply its scale.",
+            "The plate '{plate}' needs its X axis in its plane, as a direction for its mirrors:"
+            " rotate its mesh, and apply its scale.",
             plate=plate.name,
         )
     axes = np.stack([side, np.cross(normal, side), normal])
@@ -336,8 +336,8 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
     width = min((high - low)[:2].min(), np.sqrt(2.0) * area / np.linalg.norm((high - low)[:2]))
     if width < plate.array.pitch:
         raise RigError(
-            "The plate '{plate}' is {width:g} mm wide, less than the {pitch:g} mm from"
-            " mirror to mirror: scale it up or lower its pitch.",
+            "The plate '{plate}' is {width:g} mm wide, less than its pitch of {pitch:g} mm: scale"
+            " it up or lower its pitch.",
             plate=plate.name,
             width=1e3 * width,
             pitch=1e3 * plate.array.pitch,

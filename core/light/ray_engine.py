@@ -58,7 +58,7 @@ class EngineTriangles:
     owner: Ints
     n_whole: int
     places: NDArray[np.float32]
-    given: Any = None  # a ray engine that is there already
+    given: Any = None  # a ready-made ray engine
 
     @cached_property
     def engine(self) -> Engine:

@@ -245,7 +245,7 @@ def check_viewer_outside(viewer: Viewer, glass: Glass, solid: Surface) -> None:
     if viewer.projection == "orthographic" and cuts_image(viewer, solid):
         raise RigError(
             "The glass '{glass}' cuts the plane of the orthographic viewer '{viewer}': move"
-            " it out.",
+            " it away.",
             glass=glass.name,
             viewer=viewer.name,
         )

@@ -10,7 +10,7 @@ from ..glass.curved_hits import RayLines
 from ..rig.rig import Kind
 from . import layer_hits
 from .hits import Accept, Hits, LayerSearch, slab
-from .interaction_display import NEAR, end_beneath_glass, end_without_hit, in_order
+from .interaction_display import NEAR, end_beneath_glass, end_without_hit, order_contacts
 from .interactions import ENDS, INTERACTIONS
 from .plan import Plan, PlannedLayer
 from .rays import DeferredObjectError, Landings, PlateLight, Rays, Step, Words, join
@@ -129,7 +129,7 @@ def find_first_hits(
             first = first.or_where(nearer, hits)
 
     if plan.display.is_by_glass:
-        first = in_order(plan, first, by_layer)
+        first = order_contacts(plan, first, by_layer)
 
     is_open = np.zeros(len(live), bool)
     for search in searches:

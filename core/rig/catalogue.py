@@ -79,7 +79,7 @@ def _by_density(
 def _by_diagonal(
     name: str, kind: str, pixels: tuple[int, int], inches: float, source: str
 ) -> DisplayProduct:
-    """A display with square pixels of which only the diagonal is published."""
+    """A display whose maker only gives its diagonal; pixels are square."""
     return _by_density(name, kind, pixels, hypot(*pixels) / inches, None, source)
 
 
@@ -153,7 +153,7 @@ DISPLAYS = {
         ),
         _by_diagonal(
             "Samsung QM55R", "Signage", (3840, 2160), 54.6,
-            "no page of its own was at hand: the diagonal of 55-inch panels, whose EDIDs tell"
+            "no page of its own was at hand: the diagonal of 55-inch panels, with EDIDs of"
             " 1210 x 680 mm",
         ),
     )

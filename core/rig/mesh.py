@@ -107,42 +107,26 @@ class Mesh:
         """
         if len(self.triangles) == 0:
             raise MeshError(
-                "{owner} has no faces with an area: give it some, or set its role to None.",
+                "{owner} has no faces with an area: add some, or set its role to None.",
                 owner=owner,
             )
 
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
             raise MeshError(
-                "{owner} has faces whose corners are none of its vertices: number them from 0.",
+                "{owner} has faces with missing vertices: number vertices from 0.",
                 owner=owner,
             )
 
-        if not np.isfinite(self.vertices).all():
+        if not (np.abs(self.vertices) <= FURTHEST).all():
             raise MeshError(
-                "{owner} has vertices that are not finite numbers: repair or remove them.",
-                owner=owner,
-            )
-
-        if np.abs(self.vertices).max() > FURTHEST:
-            raise MeshError(
-                "{owner} has vertices further than {furthest:.2g} m from the origin: move them"
-                " nearer or remove them.",
+                "{owner} has vertices that are not finite, or further than {furthest:.2g} m from"
+                " the origin: move or remove them.",
                 owner=owner,
                 furthest=FURTHEST,
             )
 
     def check_uv(self, owner: str) -> None:
         """Raise MeshError without a UV map suitable for an image."""
-        if self.uv is None:
-            raise MeshError(
-                "{owner} has no UV map: unwrap it, so that pixels have a place.", owner=owner
-            )
-
-        if not np.isfinite(self.uv).all():
-            raise MeshError(
-                "{owner} has a UV map with numbers that are not finite: unwrap it again.",
-                owner=owner,
-            )
-
-        if not np.ptp(self.uv.reshape(-1, 2), axis=0).all():
-            raise MeshError("{owner} has a UV map without area: unwrap it again.", owner=owner)
+        is_mapped = self.uv is not None and np.isfinite(self.uv).all()
+        if not (is_mapped and np.ptp(self.uv.reshape(-1, 2), axis=0).all()):
+            raise MeshError("{owner} has no UV map with an area: unwrap it.", owner=owner)

@@ -5,9 +5,10 @@ from typing import Literal
 
 import numpy as np
 
-from ..base.errors import RigError
+from ..base.errors import RigError, not_finite, out_of_range
 
 MOST_CROSSING_ERROR = np.radians(10.0)
+LEAST_REFLECTANCE = 0.001  # of the interface
 
 
 @dataclass(frozen=True)
@@ -48,46 +49,23 @@ class MirrorArray:
 
     def check(self, owner: str) -> None:
         """Raise RigError for an impossible plate."""
-        for name, value in (("pitch", self.pitch), ("mirror height", self.height)):
-            if not (np.isfinite(value) and value > 0):
-                raise RigError(
-                    "{owner} has a {name} of {value:g} mm: set one above 0.",
-                    owner=owner,
-                    name=name,
-                    value=1e3 * value,
-                )
+        for label, length in (("Pitch", self.pitch), ("Mirror Height", self.height)):
+            if not (np.isfinite(length) and length > 0):
+                raise out_of_range(owner, label, f"{1e3 * length:g} mm", 0)
 
         if not 0 < self.reflectance <= 1:
-            raise RigError(
-                "{owner} has mirrors with a reflectance of {reflectance:g}: set one above"
-                " 0, up to 1.",
-                owner=owner,
-                reflectance=self.reflectance,
-            )
+            raise out_of_range(owner, "Reflectance", self.reflectance, LEAST_REFLECTANCE, 1)
 
         if not (np.isfinite(self.ior) and self.ior >= 1):
-            raise RigError(
-                "{owner} has an index of refraction of {ior:g}: set one of 1 or more.",
-                owner=owner,
-                ior=self.ior,
-            )
+            raise out_of_range(owner, "IOR", self.ior, 1)
 
         if not abs(self.crossing_error) <= MOST_CROSSING_ERROR:
-            raise RigError(
-                "{owner} has layers crossed {angle:g} degrees wrong: set at most {most:g}.",
-                owner=owner,
-                angle=np.degrees(self.crossing_error),
-                most=np.degrees(MOST_CROSSING_ERROR),
-            )
+            most = np.degrees(MOST_CROSSING_ERROR)
+            value = f"{np.degrees(self.crossing_error):g}\N{DEGREE SIGN}"
+            raise out_of_range(owner, "Crossing Error", value, -most, most)
 
         if self.crossing_error and self.layout != "crossed":
-            raise RigError(
-                "{owner} has one layer only, which cannot be crossed wrong: set the"
-                " crossing error to 0.",
-                owner=owner,
-            )
+            raise RigError("{owner} has one layer: set Crossing Error to 0.", owner=owner)
 
         if not np.isfinite(self.phase).all():
-            raise RigError(
-                "{owner} has a phase that is no number: set one in pitches.", owner=owner
-            )
+            raise not_finite(owner)

@@ -6,12 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
-from ..base.errors import MeshError, RigError
+from ..base.errors import MeshError, RigError, out_of_range
 from .mesh import Mesh
 from .mirror_array import MirrorArray
 from .roles import Part
 
 WAVELENGTH = 587.6e-9  # m, the helium d line, the reference for indices of refraction
+
+MOST_BLACK_LEVEL = 0.99  # of the interface
 
 
 class Index:
@@ -56,24 +58,20 @@ class Glass(Part):
         """Raise RigError unless its index of refraction is data, and a number above 0."""
         if not (isinstance(self.ior, Index) and is_dataclass(self.ior)):
             raise RigError(
-                "{owner} has an index of refraction that is no Index: give it one such as"
+                "{owner} has an index of refraction of the wrong type: use an Index, such as"
                 " ConstantIndex(1.49).",
                 owner=owner,
             )
 
         n = self.ior.at(WAVELENGTH)
         if not (np.isfinite(n) and n > 0):
-            raise RigError(
-                "{owner} has an index of refraction that is no number above 0: set one.",
-                owner=owner,
-            )
+            raise out_of_range(owner, "IOR", n, 0)
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError if it encloses nothing."""
         if self.mesh.is_flat:
             raise MeshError(
-                "{owner} is no closed body, but flat: give it a thickness, as by a Solidify"
-                " modifier, or set its role to None.",
+                "{owner} is flat: add a Solidify modifier, or set its role to None.",
                 owner=owner,
             )
 
@@ -132,11 +130,7 @@ class Display(Part):
     def check_numbers(self, owner: str) -> None:
         """Raise RigError if its black is not darker than its white."""
         if not 0 <= self.black_level < 1:
-            raise RigError(
-                "{owner} has a black level of {black_level:g}: set one from 0 to below 1.",
-                owner=owner,
-                black_level=self.black_level,
-            )
+            raise out_of_range(owner, "Black Level", self.black_level, 0, MOST_BLACK_LEVEL)
 
     def place(self, uv: Floats) -> Floats:
         """Places (n, 2) of its image, px right and down from the top left corner, at UV (n, 2)."""
@@ -217,8 +211,7 @@ class PicturePlace(Part):
         """Raise RigError if it moves with the viewer, who has to see it from elsewhere."""
         if self.mesh is None:
             raise RigError(
-                "The picture is in the viewer's own pixels and moves with it: choose a picture"
-                " plane."
+                "The picture fills the viewer's image and moves with it: choose a picture plane."
             )
 
     def check_shape(self, owner: str) -> None:

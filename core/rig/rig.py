@@ -69,6 +69,11 @@ def _parts_of(role: Role, default: Any = MISSING) -> Any:
     return field(default=default, metadata={"role": role})
 
 
+def _set_role(label: str) -> Message:
+    """The remedy for a rig without a part of a role."""
+    return Message("set the role of an object to {role}", role=as_message(label))
+
+
 @dataclass(frozen=True, eq=False)
 class Rig:
     """All parts on the bench; its fields form the table of roles.
@@ -84,24 +89,24 @@ class Rig:
     ))
     glasses: tuple[Glass, ...] = _parts_of(Role(
         "GLASS", Message("Glass"), kind=0, number=1, icon="MATSPHERE",
-        tip="Bends the light; closed surfaces, an inner one is a cavity",
-        remedy=Message("set an object's role to Glass"), is_curved=True, may_be_off=True,
+        tip="Closed surfaces that refract light; an inner one is a cavity",
+        remedy=_set_role("Glass"), is_curved=True, may_be_off=True,
     ))
     plates: tuple[Plate, ...] = _parts_of(Role(
         "PLATE", Message("Plate"), kind=1, number=2, icon="MESH_GRID",
-        tip="Flat imaging plate: sends light to the mirror image of where it came from",
+        tip="Flat imaging plate: sends light to the mirror image of its origin",
         is_missed=True, may_be_off=True,
     ))
     displays: tuple[Display, ...] = _parts_of(Role(
         "DISPLAY", Message("Display"), kind=4, number=4, icon="RESTRICT_VIEW_OFF",
-        tip="Shows the source image on its front, laid out by its UV map",
-        remedy=Message("set a plane's role to Display"),
+        tip="Shows the source image on its front, by its UV map",
+        remedy=_set_role("Display"),
         is_single=True, is_mapped=True, may_be_off=True,
     ))
     pictures: tuple[Picture | PicturePlace, ...] = _parts_of(Role(
         "PICTURE", Message("Picture"), number=5, icon="IMAGE_DATA",
-        tip="Textured plane that the viewer shall see undistorted",
-        remedy=Message("set a textured plane's role to Picture or choose an image"),
+        tip="Textured plane to be seen undistorted by the viewer",
+        remedy=Message("choose an image, or set the role of a textured plane to Picture"),
         is_single=True, is_mapped=True,
     ), ())
     mirrors: tuple[Mirror, ...] = _parts_of(Role(
@@ -126,9 +131,7 @@ class Rig:
     def picture(self) -> Picture:
         picture = self.pictures[0]
         if isinstance(picture, PicturePlace):
-            raise RigError(
-                "The picture '{name}' has no pixels: choose an image.", name=picture.name
-            )
+            raise RigError("The picture has no pixels: choose an image.")
         return picture
 
     @property

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 from math import isqrt
 from typing import Literal, get_args
 
-from ..base.errors import RigError
+from ..base.errors import RigError, out_of_range
+from ..base.messages import Message, as_message, quoted
 from .rig import WAVELENGTH
 
 Ghosts = Literal["mean", "strongest"]
@@ -13,6 +14,7 @@ Disagreement = Literal["sharp", "blended"]
 LEAST_TOLERANCE = 1e-6
 MOST_TOLERANCE = 100.0
 MOST_EFFORT = 4096  # rays for a viewer pixel
+OWNER = Message("The rig")  # of the settings, at the start of a sentence
 
 
 @dataclass(frozen=True)
@@ -80,37 +82,24 @@ class Settings:
         """Raise RigError for a setting out of bounds."""
         # Blender stores float32
         if not LEAST_TOLERANCE <= round(self.tolerance, 12) <= MOST_TOLERANCE:
-            raise RigError(
-                "The tolerance is {tolerance:g} display pixels: set one from {least:g} to"
-                " {most:g}.",
-                tolerance=self.tolerance,
-                least=LEAST_TOLERANCE,
-                most=MOST_TOLERANCE,
-            )
+            bounds = LEAST_TOLERANCE, MOST_TOLERANCE
+            raise out_of_range(OWNER, "Tolerance", self.tolerance, *bounds)
 
         if self.max_events < 1:
-            raise RigError("A ray may meet {n} surfaces: allow it 1 or more.", n=self.max_events)
+            raise out_of_range(OWNER, "Max Events", self.max_events, 0)
 
         if not 1 <= self.effort <= MOST_EFFORT or self.effort != int(self.effort):
-            raise RigError(
-                "Effort is {n} rays for a viewer pixel: set a whole number from 1 to {most}.",
-                n=self.effort,
-                most=MOST_EFFORT,
-            )
+            raise out_of_range(OWNER, "Effort", self.effort, 1, MOST_EFFORT)
 
         if not 0 <= self.suppress_glare <= 1:
-            raise RigError(
-                "Suppress Glare is {suppress_glare:g}: set it from 0 to 1.",
-                suppress_glare=self.suppress_glare,
-            )
+            raise out_of_range(OWNER, "Suppress Glare", self.suppress_glare, 0, 1)
 
-        if self.ghosts not in get_args(Ghosts):
-            raise RigError(
-                "Ghosts is '{ghosts}': set it to 'mean' or 'strongest'.", ghosts=self.ghosts
-            )
-
-        if self.disagreement not in get_args(Disagreement):
-            raise RigError(
-                "Disagreement is '{disagreement}': set it to 'sharp' or 'blended'.",
-                disagreement=self.disagreement,
-            )
+        choices = ("Ghosts", self.ghosts, Ghosts), ("Disagreement", self.disagreement, Disagreement)
+        for label, value, kind in choices:
+            if value not in get_args(kind):
+                raise RigError(
+                    "{name} is '{value}': set it to one of {choices}.",
+                    name=as_message(label),
+                    value=value,
+                    choices=quoted(get_args(kind)),
+                )

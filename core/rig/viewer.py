@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import Floats
-from ..base.errors import RigError
+from ..base.errors import RigError, not_finite, out_of_range
 from .mesh import Mesh
 from .parts import Picture, Plate
 from .roles import Part
@@ -55,26 +55,19 @@ class Viewer(Part):
         """Raise RigError if its numbers are not finite, or it sees nothing."""
         left, right, bottom, top = self.window
         if not np.isfinite([*self.position, *self.axes.ravel(), *self.window]).all():
-            raise RigError(
-                "{owner} has a place, lens or shift that is no finite number: look for a"
-                " driver or a keyframe.",
-                owner=owner,
-            )
+            raise not_finite(owner)
 
         if min(self.width, self.height) < 1:
             raise RigError("{owner} has no pixels: set its resolution.", owner=owner)
 
         if not (right != left and top != bottom):
             raise RigError(
-                "{owner} sees nothing: its lens or orthographic scale has no size.", owner=owner
+                "{owner} sees nothing: set its focal length or orthographic scale above 0.",
+                owner=owner,
             )
 
         if not (np.isfinite(self.weight) and self.weight > 0):
-            raise RigError(
-                "{owner} has the weight {weight:g}: set one above 0, or take it out of the list.",
-                owner=owner,
-                weight=self.weight,
-            )
+            raise out_of_range(owner, "Weight", self.weight, 0)
 
     def weighed(self, values: Floats) -> Floats:
         """Values times the viewer's weight; the same array at a weight of 1."""
@@ -136,16 +129,8 @@ def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirro
 
     name, n = Counter(viewer.name for viewer in viewers).most_common(1)[0]
     if n > 1:
-        first, *others = (viewer for viewer in viewers if viewer.name == name)
-        if not all(_is_same(first, other) for other in others):
-            raise RigError(
-                "{n} viewers are called '{viewer}', and results tell viewers by their names: rename"
-                " all but one.",
-                n=n,
-                viewer=name,
-            )
         raise RigError(
-            "The viewer '{viewer}' is in the list {n} times: keep one.", viewer=name, n=n
+            "{n} viewers are named '{viewer}': rename or remove all but one.", n=n, viewer=name
         )
 
     for plate in () if has_mirrors else plates:
@@ -153,8 +138,8 @@ def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirro
         if min(sides) < 0 < max(sides):
             one, other = (viewers[int(pick(sides))].name for pick in (np.argmax, np.argmin))
             raise RigError(
-                "The plate '{plate}' stands between the viewers '{one}' and '{other}': move one of"
-                " them to the other's side.",
+                "The plate '{plate}' is between the viewers '{one}' and '{other}': move both to"
+                " one side.",
                 plate=plate.name,
                 one=one,
                 other=other,
@@ -165,8 +150,7 @@ def check_own_images(viewers: Sequence[Viewer], picture: Picture) -> None:
     """Raise RigError if only some viewers have their own image, or the picture also has a plane."""
     if picture.mesh is not None:
         raise RigError(
-            "The picture '{picture}' stands on a plane, and has an image for each viewer: take"
-            " these away, or the plane.",
+            "The picture '{picture}' has both a plane and viewers' own images: remove one of them.",
             picture=picture.name,
         )
 
@@ -174,16 +158,10 @@ def check_own_images(viewers: Sequence[Viewer], picture: Picture) -> None:
     for viewer in viewers:
         if viewer.name not in with_image:
             raise RigError(
-                "The viewer '{viewer}' has no image of its own, but others have: choose one in"
-                " the list of viewers, or take theirs away.",
+                "The viewer '{viewer}' has no image of its own, but others do: choose one in the"
+                " list of viewers, or remove theirs.",
                 viewer=viewer.name,
             )
-
-
-def _is_same(one: Viewer, other: Viewer) -> bool:
-    """Whether two viewers have the same view, whatever their names and weights."""
-    pairs = ((one.position, other.position), (one.axes, other.axes), (one.window, other.window))
-    return one.projection == other.projection and all(np.array_equal(a, b) for a, b in pairs)
 
 
 def _side(viewer: Viewer, mesh: Mesh) -> float:

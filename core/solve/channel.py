@@ -17,7 +17,7 @@ from ..base.messages import Message
 from ..base.stages import MAP, spans
 from ..base.steps import Steps, hold_progress, run_steps, subprogress
 from ..image.ghosts import paths_of
-from ..image.glare import Glare, StrayLight, looking_beside, trace_stray_light
+from ..image.glare import Glare, StrayLight, trace_stray_light, with_stray_light
 from ..image.seen_image import ideal_image, seeing
 from ..image.simulation import PlateView, plate_view
 from ..light.compile_plan import compile_plan_steps
@@ -212,14 +212,14 @@ class Channel:
             and "_map_beside" not in vars(self)
         ):
             check_memory(replace(self.plan.rig, viewers=(self.viewer,)), settings)
-            vars(self)["_map_beside"] = yield from sample(looking_beside(self.plan))
+            vars(self)["_map_beside"] = yield from sample(with_stray_light(self.plan))
 
     @cached_property
     def _map_beside(self) -> ViewMap:
         return (
             self.view_map
             if self.plan.settings.looks_beside
-            else run_steps(sample(looking_beside(self.plan)))
+            else run_steps(sample(with_stray_light(self.plan)))
         )
 
     @cached_property

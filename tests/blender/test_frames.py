@@ -245,8 +245,8 @@ def test_words_in_braces_are_read_by_the_scene(run, kiriko, parts, tmp_path, cap
 @pytest.mark.parametrize(
     ("asked", "words", "code"),
     [
-        (("--frames", "1-"), "is no list of frames", 1),
-        (("--frames", "9-1"), "are no range", 1),
+        (("--frames", "1-"), "is not a list of frames", 1),
+        (("--frames", "9-1"), "is not a list of frames", 1),
         (("--frames", "1", "--preview"), "leave out --preview", 2),
         *(
             (("--frames", "1", "--movie", "FFV1", "--test-card", text), f"'{text}' is no time", 2)

@@ -302,6 +302,6 @@ def test_solve_animation_writes_what_the_panel_says(scene, tmp_path):
     assert scene.frame_current == 7
     assert ours.result.source is None
     shutil.rmtree(place)
-    with pytest.raises(RuntimeError, match="is no list of frames"):
+    with pytest.raises(RuntimeError, match="is not a list of frames"):
         bpy.ops.kiriko.solve_animation(frames="a")
     assert not place.exists()

@@ -71,7 +71,7 @@ def test_existing_file_is_replaced_only_when_told(solved, tmp_path):
     path = tmp_path / "source.png"
     path.write_bytes(b"mine")
     solved.kiriko.export_path = str(path)
-    with pytest.raises(RuntimeError, match="exists already"):
+    with pytest.raises(RuntimeError, match="already exists"):
         bpy.ops.kiriko.export()
     assert path.read_bytes() == b"mine"
     bpy.ops.kiriko.export(overwrite=True)
@@ -158,7 +158,7 @@ def test_what_cannot_be_written_is_grey_with_the_reason(solved, tmp_path, form, 
     monkeypatch.setitem(sys.modules, "OpenImageIO", None)
     solved.kiriko.export_format = form
     assert not bpy.ops.kiriko.export.poll()
-    with pytest.raises(RuntimeError, match=r"no OpenImageIO, which writes .*: choose \.png"):
+    with pytest.raises(RuntimeError, match=r"no OpenImageIO to write .*: choose \.png"):
         bpy.ops.kiriko.export(filepath=str(tmp_path / "a"))
     solved.kiriko.export_format = "PNG8"
     assert bpy.ops.kiriko.export.poll()
@@ -249,7 +249,7 @@ def test_the_dialogue_completes_the_name_and_the_panel_follows(solved, tmp_path,
     (tmp_path / "a.png").write_bytes(b"mine")
     hidden = Chosen(cls, str(tmp_path / "a"))
     assert cls.execute(hidden, bpy.context) == {"CANCELLED"}
-    assert "exists already" in hidden.told[0][1]
+    assert "already exists" in hidden.told[0][1]
     assert solved.kiriko.export_path == "//source.png"
 
     for name, form in (("a.png", "PNG8"), ("a.exr", "EXR_FLOAT")):

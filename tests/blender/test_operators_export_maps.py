@@ -212,7 +212,7 @@ def test_maps_that_memory_does_not_hold_are_refused(scene, tmp_path, monkeypatch
     small_rig()
     options = loaded("core.lab.warp.map_files")
     monkeypatch.setattr(options, "BYTES", 1e15)
-    with pytest.raises(RuntimeError, match=r"Exporting maps would take about .* GB of memory"):
+    with pytest.raises(RuntimeError, match=r"Exporting maps needs about .* GB of memory"):
         bpy.ops.kiriko.export_maps(directory=str(tmp_path), formats={"NPZ"})
     assert not list(tmp_path.iterdir())
 

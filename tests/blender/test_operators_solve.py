@@ -156,7 +156,7 @@ def test_a_rig_without_a_plate_is_solved_straight(scene):
     bpy.context.view_layer.update()
     bpy.ops.kiriko.solve()
     result = scene.kiriko.result
-    assert result.summary.startswith("The display, seen with no plate in between, shows ")
+    assert result.summary.startswith("Without a plate, the display shows ")
     assert "missed the plate" not in result.summary
     assert result.coverage > 0.5
 

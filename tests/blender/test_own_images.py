@@ -139,7 +139,7 @@ def test_a_missing_image_is_one_sentence(kiriko, solved):
     """Of one that is not chosen, of one whose file is gone, and where nobody has one."""
     second = ours().viewers[1]
     second.image = None
-    words = r"The viewer 'mine' has no image of its own, but others have: choose one in the list of"
+    words = r"The viewer 'mine' has no image of its own, but others do: choose one in the list of"
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.solve()
 

@@ -312,7 +312,7 @@ def unlink() -> None:
 BAD: dict[str, tuple[Callable[[], object], str]] = {
     "twice": (
         lambda: setattr(ours().viewers[1], "camera", ours().viewer),
-        "The viewer 'Kiriko Viewer' is in the list 2 times: keep one",
+        "2 viewers are named 'Kiriko Viewer': rename",
     ),
     "deleted": (
         lambda: bpy.data.objects.remove(bpy.data.objects["mine"]),
@@ -322,12 +322,12 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         unlink,
         "The viewer 'mine' is not in any scene",
     ),
-    "0": (lambda: weigh(0), "The viewer 'mine' has the weight 0: set one above 0"),
-    "-1": (lambda: weigh(-1), "The viewer 'mine' has the weight -1: set one above 0"),
+    "0": (lambda: weigh(0), "The viewer 'mine' has the Weight 0: set it above 0"),
+    "-1": (lambda: weigh(-1), "The viewer 'mine' has the Weight -1: set it above 0"),
     "all off": (lambda: off(0, 1), "All viewers are off. Turn one on"),
     "both sides": (
         lambda: setattr(bpy.data.objects["mine"], "location", (0, 2, -2)),
-        "stands between the viewers '(mine|Kiriko Viewer)' and '(mine|Kiriko Viewer)'",
+        "is between the viewers '(mine|Kiriko Viewer)' and '(mine|Kiriko Viewer)'",
     ),
 }
 
@@ -356,7 +356,7 @@ def test_a_linked_camera_of_the_same_name_is_told_apart(rig: dict, linked: Calla
     add(theirs)
     ours().viewer.name = "mine"
     assert ours().viewer.name == theirs.name == "mine"
-    words = "2 viewers are called 'mine', and results tell viewers by their names: rename all but"
+    words = "2 viewers are named 'mine': rename or remove all but"
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.solve()
     ours().viewer.name = "other"
@@ -613,7 +613,7 @@ def test_of_a_picture_that_is_no_flat_rectangle_coverage_is_told(rig: dict) -> N
     bpy.ops.kiriko.solve()
     for one in details()["viewers"]:
         assert set(one) == {"viewer", "weight", "coverage"}
-    assert "no flat rectangle" in ours().result.notes
+    assert "not a flat rectangle" in ours().result.notes
 
 
 def test_the_panel_shows_a_list_where_there_are_several(

@@ -137,7 +137,7 @@ def test_more_samples_than_memory_holds_are_refused(monkeypatch):
     monkeypatch.setattr(free_memory, "available", lambda: 1e6)
     with pytest.raises(
         RigError,
-        match=r"Sampling where light is chaotic would take about .* lower Effort \(1024\), or",
+        match=r"Sampling where light is chaotic needs about .* lower Effort \(1024\), or",
     ):
         drain(sample(compile_plan(facetted(), Settings(effort=1024))))
 
@@ -156,7 +156,7 @@ def test_places_outside_of_the_view_are_not_on_the_map():
 def test_no_effort_is_refused_and_too_much_of_it_and_parts_of_rays(effort):
     with pytest.raises(
         RigError,
-        match=f"Effort is {effort} rays for a viewer pixel: set a whole number from 1 to 4096",
+        match=f"has the Effort {effort:g}: set it from 1 to 4096",
     ):
         replace(Settings(), effort=effort).check()
 

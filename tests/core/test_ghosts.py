@@ -180,5 +180,5 @@ def test_a_change_of_mind_traces_nothing():
 
 
 def test_ghosts_of_another_name_are_refused():
-    with pytest.raises(RigError, match="Ghosts is 'none': set it to 'mean' or 'strongest'"):
+    with pytest.raises(RigError, match="Ghosts is 'none': set it to one of 'mean', 'strongest'"):
         solve(cube_rig(pixels=16), ghosts="none")

@@ -513,7 +513,7 @@ def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
     found = run_steps(trace_points(plan, view, paths=Paths(1.0)))
     run_steps(trace_points(plan, view, courses=[]))
     assert ("compiled kernel" in plan.used) == is_known
-    assert ("compiled kernel (faces of another kind)" in plan.left_out) != is_known
+    assert ("compiled kernel (unsupported parts)" in plan.left_out) != is_known
     assert bool(by_numpy) != is_known
     with loading.off():
         expected = run_steps(trace_points(compile_plan(a_rig, Settings()), view))
@@ -534,7 +534,7 @@ def test_a_library_of_another_version_is_not_used(monkeypatch):
             loading.loaded.cache_clear()
             assert loading.library() is None
             plan = compile_plan(ball_rig(1), Settings())
-            assert "compiled kernel (it is not there)" in plan.left_out
+            assert "compiled kernel (not available)" in plan.left_out
     finally:
         monkeypatch.undo()
         loading.loaded.cache_clear()

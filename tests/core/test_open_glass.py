@@ -166,6 +166,6 @@ def test_flat_glass_is_refused():
     """
     right = np.array([2, -1, 0]) / 5**0.5
     up = np.array([3, 6, -5]) / 70**0.5
-    with pytest.raises(MeshError, match="'glass' is no closed body, but flat: give it a thickness"):
+    with pytest.raises(MeshError, match="'glass' is flat: add a Solidify modifier"):
         solve(rig(replace(rectangle(np.zeros(3), right, up, 0.05, 0.03), uv=None), pixels=8))
     assert not box([0.05, 5e-5, 0.05]).is_flat

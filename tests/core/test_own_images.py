@@ -226,13 +226,13 @@ def test_what_cannot_be_is_refused_in_one_sentence_and_nothing_is_lost():
     before = solve(a_rig, kept)
 
     missing = straight(0.024, {"left": RAMPS["left"]})
-    words = r"^The viewer 'right' has no image of its own, but others have: choose one[^.]*\.$"
+    words = r"^The viewer 'right' has no image of its own, but others do: choose one[^.]*\.$"
     with pytest.raises(RigError, match=words):
         solve(missing, kept)
 
     plane = rig(SLAB).picture.mesh
     on_plane = replace(a_rig, pictures=(replace(a_rig.picture, mesh=plane),))
-    with pytest.raises(RigError, match=r"^The picture 'renders' stands on a plane[^.]*\.$"):
+    with pytest.raises(RigError, match=r"^The picture 'renders' has both a plane[^.]*\.$"):
         solve(on_plane, kept)
 
     again = solve(a_rig, kept)

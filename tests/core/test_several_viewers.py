@@ -312,17 +312,17 @@ def test_one_viewer_is_displaced_by_nothing():
 
 
 BAD = {
-    "twice": (lambda a, b: (a, replace(a, weight=2.0)), "'left' is in the list 2 times: keep one"),
+    "twice": (lambda a, b: (a, replace(a, weight=2.0)), "2 viewers are named 'left': rename"),
     "of one name": (
         lambda a, b: (a, replace(b, name=a.name)),
-        "2 viewers are called 'left', and results tell viewers by their names: rename all but one",
+        "2 viewers are named 'left': rename or remove all but one",
     ),
-    "0": (lambda a, b: (a, replace(b, weight=0.0)), "'right' has the weight 0: set one above 0"),
-    "-1": (lambda a, b: (replace(a, weight=-1.0), b), "'left' has the weight -1: set one above 0"),
-    "nan": (lambda a, b: (a, replace(b, weight=np.nan)), "has the weight nan: set one above 0"),
+    "0": (lambda a, b: (a, replace(b, weight=0.0)), "'right' has the Weight 0: set it above 0"),
+    "-1": (lambda a, b: (replace(a, weight=-1.0), b), "'left' has the Weight -1: set it above 0"),
+    "nan": (lambda a, b: (a, replace(b, weight=np.nan)), "has the Weight nan: set it above 0"),
     "behind": (
         lambda a, b: (a, replace(b, position=np.array([0.1, 1.0, -0.5]))),
-        "The plate 'plate' stands between the viewers '(left|right)' and '(left|right)': move one",
+        "The plate 'plate' is between the viewers '(left|right)' and '(left|right)': move",
     ),
 }  # fmt: skip
 
@@ -333,7 +333,9 @@ def test_viewers_that_cannot_be_are_refused_in_one_sentence(name):
     a_rig = eyes(slab_rig())
     with pytest.raises(RigError, match=rf"^[^.]*{words}[^.]*\.$"):
         solve(replace(a_rig, viewers=change(*a_rig.viewers)))
-    with pytest.raises(RigError, match="Disagreement is 'loud': set it to 'sharp' or 'blended'"):
+    with pytest.raises(
+        RigError, match="Disagreement is 'loud': set it to one of 'sharp', 'blended'"
+    ):
         solve(a_rig, disagreement="loud")
 
 
