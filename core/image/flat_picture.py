@@ -141,7 +141,6 @@ def _rectangle_of(mesh: Mesh) -> _Rectangle | None:
     if spread[1] == 0 or spread[2] > IS_AFFINE * spread[0]:
         return None
 
-    # one affine map from the plane to the UV
     across = (corners - middle) @ axes[:2].T
     fit, missed = affine_fit(across, uv)
     low = uv.min(axis=0)

@@ -142,7 +142,6 @@ def dot_centroids(image: Floats, n: int = 7) -> Floats:
     y, x = np.nonzero(red > DOTS.dark * max(red.max(), 1e-30))
     weight = red[y, x]
 
-    # column and row from the colour
     i = np.rint(green[y, x] / weight * (n + 1)).astype(int) - 1
     j = np.rint(blue[y, x] / weight * (n + 1)).astype(int) - 1
     label = np.where((i >= 0) & (i < n) & (j >= 0) & (j < n), j * n + i, -1)

@@ -28,13 +28,11 @@ def card(width: int, height: int) -> NDArray[np.float32]:
     radius = min(width, height) / 2 - 0.5 * side
     image[np.abs(np.hypot(x, y) - radius) <= 1.0] = 1.0
 
-    # encoded, 0 to 1 in equal steps
     top, bottom = (int(part * height) for part in RAMP)
     encoded = np.floor(np.linspace(0, GREYS, width, endpoint=False)) / (GREYS - 1)
     greys = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     image[top:bottom] = greys
 
-    # checkerboards of single pixels in the corners
     n = max(2, int(side / 2))
     turns = (np.indices((n, n)).sum(axis=0) % 2).astype(float)
     for rows in (slice(0, n), slice(height - n, height)):

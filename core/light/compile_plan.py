@@ -148,7 +148,6 @@ def compile_plan_steps(
     mesh_cache.forget()
     yield 0
 
-    # light beyond plates, and the features the rig uses
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
     features = _features(parts, layers, media, is_clear, settings)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))

@@ -72,7 +72,6 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     normal = surface.normals[0]
     inside = surface.corners.reshape(-1, 3) - corner
 
-    # flat, and under its whole image
     uv = display.mesh.uv.reshape(-1, 2)
     size = np.ptp(inside, axis=0).max()
     is_whole = (
@@ -87,7 +86,6 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     if not (is_whole and is_flat and np.abs(uv.max(axis=0) - 1).max() < DISPLAY_FLATNESS):
         return None
 
-    # an affine map from the plane to UV
     right = normalise(inside[1])
     axes = np.stack([right, np.cross(normal, right)])
 

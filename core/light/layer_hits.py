@@ -64,7 +64,6 @@ def find_first_hits(
 
 
 def _first_hits(layer: Layer, question: Question) -> Steps[Hits]:
-    # rays that may hit the layer's box
     lines = question.lines
     hits = Hits.none(len(lines.origins), layer.curved)
     grown = layer.bounds + np.array([[-layer.tolerance], [layer.tolerance]])
@@ -108,7 +107,6 @@ def _test_all(
         is_met = is_within(u, v) & (t > -layer.tolerance) & (t <= within)
         t[~is_met] = np.inf
 
-    # the nearest hit of each ray, then the next one if it is not true
     passed = SelfIntersections(question.is_inside, layer.tolerance)
     todo = np.arange(len(rays))
     while len(todo):
@@ -139,7 +137,6 @@ def _search_engine(
     start, step = question.search.resume(rays, start, step)
     all_rays = rays
     while len(rays):
-        # the engine's triangles; a ray within a solid has to hit one
         lines = question.lines.at(rays)
         found, far = layer.shoot(lines, start)
         hit = found.triangle >= 0
@@ -152,7 +149,6 @@ def _search_engine(
             again = hit & ~question.leaves[rays] & only_leaves
             hit &= ~again
 
-        # refine the hits and test whether they are true
         if len(hitting := rays[hit]):
             lines = lines if hit.all() else lines.at(hit)
             some, is_met = layer.refine(found, hit, lines, question.leaves_at(hitting))
@@ -407,7 +403,6 @@ def search_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hit
         i, k = pass_by(spheres, lines.at(slice(first, first + per_chunk)))
         near.append((first + i, k))
         yield 0
-        # several chunks are tested together
         is_last = first + per_chunk >= len(nearest.rays)
         if is_last or sum(len(i) for i, _ in near) >= MISSED_HITS.near_at_once:
             i, k = (np.concatenate(column) for column in zip(*near, strict=True))

@@ -67,7 +67,6 @@ def following(
     found = yield from tracing(plan, origins, directions, steps=steps)
     landings = main_landings(found, n)
 
-    # the events of each ray, in order
     ray = np.concatenate([step.rays for step in steps] or [np.empty(0, np.int64)])
     place = np.concatenate([step.place for step in steps] or [np.empty((0, 3))])
     triangle = np.concatenate([step.triangle for step in steps] or [np.empty(0, np.int64)])

@@ -109,7 +109,7 @@ def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Medi
 
 # bound, with a margin, on how far a curved surface leaves its facets' box, relative to the box
 BULGE = 0.25
-PAIRS_AT_ONCE = 1 << 14  # pairs of boxes
+PAIRS_AT_ONCE = 1 << 14
 
 
 def grown(boxes: Floats) -> Floats:

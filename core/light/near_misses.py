@@ -66,7 +66,6 @@ def _pack(corners: Floats, patch: Ints, part: Ints) -> Packed:
     order = np.lexsort([_along_curve(middles), unit])
     unit = unit[order]
 
-    # whole units, then ever fewer triangles
     first = np.flatnonzero(np.diff(unit, prepend=-1))
     within = np.arange(n) - first[unit]
     starts = [

@@ -211,14 +211,12 @@ class Rays:
         self.mask = np.zeros(n, np.uint64)
         self.cluster = np.zeros(n, np.int64)
 
-        # results
         self.reason = np.full(n, Reason.CUT_OFF, np.uint8)  # for rays still live at the end
         self.branch = np.zeros(n, np.uint64)
         self.xy = np.full((n, 2), np.nan)
         self.throughput = np.ones(n)
         self.n_events = np.zeros(n, np.int64)
 
-        # parts hit so far
         self.has_met_glass = np.zeros(n, bool)
         self.has_met_plate = np.zeros(n, bool)
         self.plate_path = np.full(n, PlatePath.NONE, np.uint8)
@@ -226,11 +224,9 @@ class Rays:
         self.last_part = np.full(n, -1, np.int64)
         self.leak = np.full(n, -1, np.int64)
 
-        # the course to follow, or to record
         self.live = np.arange(self.n_asked)
-        self.is_begun = (
-            np.arange(n) < self.n_asked if n_copies else np.ones(n, bool)
-        )  # whether the copy exists
+        # whether the copy exists
+        self.is_begun = np.arange(n) < self.n_asked if n_copies else np.ones(n, bool)
         self.born = np.empty(0, np.int64)  # new copies, not yet live
         self.course = course
         self.is_recorded = is_recorded
@@ -285,7 +281,6 @@ class Rays:
         if self.course is None:
             return
 
-        # record or compare the course
         n_words = self.n_words[rays]
         width = self.course.shape[1]
 

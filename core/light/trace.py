@@ -45,7 +45,6 @@ class _HitSides:
         part_of = self.plan.triangles.part
 
         def accept(i: Ints, hits: Hits) -> tuple[Bools, Bools]:
-            # a solid is entered from outside, and left from inside
             t = hits.distance
             part = part_of[numbers[hits.triangle]]
             bit = parts.bit[part]
@@ -259,14 +258,12 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
         if not n_live:
             break
 
-        # a few may have to wait for their hits
         hits, by_layer, is_open = yield from find_first_hits(plan, rays, searches)
         put_off = rays.live[is_open]
         if len(put_off):
             rays.live = rays.live[~is_open]
             hits, *by_layer = (some.at(~is_open) for some in (hits, *by_layer))
 
-        # rays without a hit end here
         hit = hits.triangle >= 0
         left = rays.live[~hit]
 
@@ -277,7 +274,6 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
             hits = hits.at(hit)
             by_layer = [other.at(hit) for other in by_layer]
 
-        # move the others to their hits
         rays.positions[rays.live] += hits.distance[:, None] * take(rays.directions, rays.live)
         rays.n_events[rays.live] += 1
         _leave_gaps(plan, rays, rays.live, hits)
