@@ -79,7 +79,7 @@ def test_viewers_are_tasks_of_one_alone() -> None:
         ({"frames": ""}, "one task only"),
         ({"chunk": 0}, "has no frames"),
         ({"frames": "x"}, "not a list of frames"),
-        ({"frames": "5-1"}, "no range"),
+        ({"frames": "5-1"}, "not a list of frames"),
         ({"frames": ",".join(str(n * n) for n in range(1, 300))}, "letters, and a parameter takes"),
         ({"values": VALUES}, "values of no property"),
         ({"path": "kiriko.tolerance"}, r"no values of the property 'kiriko\.tolerance'"),

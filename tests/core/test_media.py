@@ -134,5 +134,5 @@ def test_more_solids_in_one_place_than_a_mask_has_bits_are_refused():
         for i in range(53)
     )
     compile_plan(rig(shells[:52]), Settings())
-    with pytest.raises(RigError, match="More than 52 glass solids around 'shell 52' touch"):
+    with pytest.raises(RigError, match="More than 52 solids around 'shell 52' touch"):
         compile_plan(rig(shells), Settings())

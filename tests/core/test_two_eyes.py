@@ -323,7 +323,7 @@ def test_a_picture_that_has_no_plane_is_refused():
     a_rig = slab_rig()
     picture = a_rig.picture
     curved = replace(icosphere(0.01, 1), uv=np.random.default_rng(0).random((80, 3, 2)))
-    for mesh, words in ((None, "fills the viewer's image"), (curved, "not a flat rectangle")):
+    for mesh, words in ((None, "in the viewer's own pixels"), (curved, "not a flat rectangle")):
         with pytest.raises(RigError, match=words):
             seen(replace(a_rig, pictures=(replace(picture, mesh=mesh),)))
 

@@ -64,7 +64,7 @@ def test_a_picture_that_goes_with_the_viewer_has_no_range():
 def test_a_picture_behind_the_viewer_is_refused():
     a_rig = cube_rig()
     viewer = replace(a_rig.viewer, axes=a_rig.viewer.axes * np.array([[-1.0], [1], [-1]]))
-    with pytest.raises(RigError, match="outside its view"):
+    with pytest.raises(RigError, match="behind the viewer"):
         found(replace(a_rig, viewers=(viewer,)))
 
 
