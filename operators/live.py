@@ -60,7 +60,9 @@ def status(scene: bpy.types.Scene | None = None) -> tuple[str, bool]:
     if live.progress is not None:
         percent = 100 * live.progress
         return Message("Live: updating, {percent:.0f} %.", percent=percent), False
-    if live.is_working or live.is_announced or not live.has_read:
+    if live.phrase:  # the same as in the status bar
+        return Message("Live: {phrase}...", phrase=live.phrase), False
+    if live.is_working or not live.has_read:
         return Message("Live: updating."), False
     if live.seconds is None:  # what was there is that of the scene
         return Message("Live: up to date."), False

@@ -86,6 +86,7 @@ class Live:
         self.kept = ShapeCache()
         self.ours: set[int] = set()  # session uids of the datablocks that we write to
         self.progress: float | None = None  # 0..1, of a picture that takes a while
+        self.phrase: Message | str = ""  # on the step in the status bar; '' for none
         self._text = ""
         self._told: set[int] = set()  # session uids of the workspaces that have the text
         self._lasted: dict[NextStep, float] = {}
@@ -114,11 +115,6 @@ class Live:
     @property
     def is_working(self) -> bool:
         return self._work is not None
-
-    @property
-    def is_announced(self) -> bool:
-        """Does the status bar name a step?"""
-        return self._text != ""
 
     def is_of_another(self, solved_for: str) -> bool:
         """Was a result, if there is one, solved for another scene than was read last?"""
@@ -153,13 +149,15 @@ class Live:
             while perf_counter() < end:
                 step = self._upcoming()
                 if step is None:
+                    self.phrase = ""
                     self._say("")
                     # work may have ended before the settings were looked at again
                     return PAUSE if was_working else IDLE
                 # a short step is not worth a word, but no other step's is left there
                 is_long = self._lasted.get(step, step.guess) > LONG
                 if is_long or self._text:
-                    now = Message("Kiriko Live: {phrase} ...", phrase=step.phrase)
+                    self.phrase = step.phrase
+                    now = Message("Kiriko Live: {phrase}...", phrase=step.phrase)
                     if self._say(in_words(now)) and is_long:
                         return NOTICE
                 self._do(step, bpy.context)
@@ -180,6 +178,7 @@ class Live:
     def close(self) -> None:
         """End the work; nothing is half-written."""
         self._drop()
+        self.phrase = ""
         self._say("")
 
     def _drop(self) -> None:

@@ -18,6 +18,7 @@ from ..core.base.steps import run_steps
 from ..core.blender.data.rigs import active_rig
 from . import live, needed, work
 from .telling import errors_reported, in_words, report
+from .windows import redraw_sidebars
 
 VIEWS = re.compile(
     r"view3d\.(rotate|move|zoom|dolly|smoothview|ndof_\w+"
@@ -150,9 +151,11 @@ class LongWork:
     `steps` yields progress 0..1 and returns the sentence to report; before its last step it changes
     nothing but what `stays` names, and that only where somebody watches.
     level : of the report at the end, which `steps` may raise
+    progress : 0 to 1, shown in the first panel
     """
 
     level = "INFO"
+    progress = 0.0
 
     @property
     def is_watched(self) -> bool:
@@ -261,6 +264,9 @@ class LongWork:
 
     def _show(self, context: bpy.types.Context, progress: float) -> None:
         context.window_manager.progress_update(round(100 * progress))
+        if round(100 * progress) != round(100 * self.progress) or not progress:
+            redraw_sidebars()
+        self.progress = progress
         stays = self.stays()
         stop = (
             Message("shown is {thing}, Esc keeps it", thing=stays)

@@ -24,7 +24,7 @@ from ..core.blender.checks.inspect_scene import (
     inspect_mesh,
     is_checked,
 )
-from ..core.blender.checks.to_do import Entry, Inspection, is_first
+from ..core.blender.checks.to_do import Entry, Inspection
 from ..core.blender.data.rigs import rig_uid
 from ..core.blender.data.units import length_text
 from ..core.blender.read.shapes import ShapeCache, reshaped
@@ -54,7 +54,7 @@ class Looked:
     rests_until: float = 0.0
     changed_at: float = 0.0
     lasted: float = 0.0
-    moved_at: float = -inf  # when entries above Solve came or went, and moved the buttons below
+    moved_at: float = -inf  # when entries came or went, and moved the buttons of others
 
     @property
     def is_quiet(self) -> bool:
@@ -72,13 +72,17 @@ _looked: dict[int, Looked] = {}  # by session uid of the scene
 
 
 def found(context: bpy.types.Context) -> list[Entry]:
-    """The entries by the last look; a first one at a rig is taken here, without any mesh.
+    """The entries of the last look at the active rig; none before the timer's first look at it.
 
-    In the background no timer runs, and each is a first one.
+    A new rig may not be in the view layer yet while it is drawn, and would seem to have no parts.
+    In the background no timer runs, and each call looks.
     """
     looked = _looked.setdefault(context.scene.session_uid, Looked())
-    if bpy.app.background or looked.rig != rig_uid(context.scene):
-        _look(looked, context.scene, is_whole=bpy.app.background)
+    if bpy.app.background:
+        _look(looked, context.scene, is_whole=True)
+    elif looked.rig != rig_uid(context.scene):
+        looked.rig, looked.entries = rig_uid(context.scene), []
+        looked.is_whole, looked.rests_until = False, 0.0
     looked.asked = True
     return looked.entries
 
@@ -215,7 +219,7 @@ def _turn() -> None:
             _look(looked, scene, is_whole)
         if (looked.entries, looked.is_whole) != before:
             windows.redraw()
-        if list(filter(is_first, looked.entries)) != list(filter(is_first, before[0])):
+        if looked.entries != before[0]:
             looked.moved_at = monotonic()
             bpy.app.timers.register(partial(windows.redraw), first_interval=_double_click())
         return

@@ -16,34 +16,58 @@ from ..core.light.interaction_plate import PLATE_FLATNESS
 from ..core.rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct
 from ..core.rig.rig import ROLES
 from . import needed, telling, work
+from .part_verbs import NamesPart
+
+NOUNS = {role.name: role.noun for role in ROLES}
 
 
-class GivesProduct:
-    """Mix-in for an operator that gives the active object, of a role, the values of a product."""
+class GivesProduct(NamesPart):
+    """Mix-in for an operator that gives a part of one role the values of a product: the named part,
+    else the active object, else the only part of this role.
+    """
 
     role: str
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def candidates(cls, context: bpy.types.Context) -> list[bpy.types.Object]:
+        """The active object, or all parts of the role if it has another one."""
         thing = context.active_object
-        role = next(role for role in ROLES if role.name == cls.role)
-        names = {"noun": role.noun, "label": role.label}
-        reasons = []
-        if thing is None or thing.kiriko.role != cls.role:
-            reasons.append(Message("Select a {noun}: an object whose role is {label}", **names))
-        elif not thing.is_editable:
+        if thing is not None and thing.kiriko.role == cls.role:
+            return [thing]
+        return list(needed.parts_met(context.scene).get(cls.role, ()))
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        found = cls.candidates(context)
+        reasons = [] if found else [cls.no_part()]
+        if found and not any(thing.is_editable for thing in found):
             reasons.append(
-                Message("The {noun} is linked from another file: choose its preset there", **names)
+                Message(
+                    "The {noun} is linked from another file: choose its product there",
+                    noun=NOUNS[cls.role],
+                )
             )
         return needed.can_run(cls, reasons)
 
+    @classmethod
+    def no_part(cls) -> Message:
+        """The reason if there is no part to give a product to, or more than one."""
+        return Message("Select the {noun} first", noun=NOUNS[cls.role])
+
+    def part_in(self, context: bpy.types.Context) -> bpy.types.Object:
+        """The part that gets the product; RigError if several could."""
+        found = [self.found(context)] if self.part else self.candidates(context)
+        if len(found) != 1 or found[0].kiriko.role != self.role:
+            raise RigError("{reason}.", reason=self.no_part())
+        return found[0]
+
     def given(self, context: bpy.types.Context, thing: bpy.types.Object) -> Given:
-        """Give the object the product that is chosen."""
+        """Give the object the chosen product."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.errors_reported(self):
-            given = self.given(context, context.active_object)
+            given = self.given(context, self.part_in(context))
             work.forget_report(context.scene)
             telling.report(self, "INFO" if given.is_whole else "WARNING", given.text)
             return {"FINISHED"}
@@ -135,12 +159,7 @@ GLASS_TIPS = {
 }
 
 
-def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
-    things = dict.fromkeys([context.active_object, *context.selected_objects])
-    return [t for t in things if t is not None and t.kiriko.role == "GLASS" and t.is_editable]
-
-
-class KIRIKO_OT_glass_preset(bpy.types.Operator):
+class KIRIKO_OT_glass_preset(GivesProduct, bpy.types.Operator):
     """Give the selected glass an index by name: in its material, or else as its Override IOR"""
 
     bl_idname = "kiriko.glass_preset"
@@ -153,20 +172,28 @@ class KIRIKO_OT_glass_preset(bpy.types.Operator):
         items=[(name, name, tip) for name, tip in GLASS_TIPS.items()],
     )
 
+    role = "GLASS"
+
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(
-            cls,
-            [] if _chosen(context) else [Message("Select glass: an object whose role is Glass")],
-        )
+    def selected(cls, context: bpy.types.Context) -> list[bpy.types.Object]:
+        """All selected glass of this file."""
+        things = dict.fromkeys([context.active_object, *context.selected_objects])
+        found = (thing for thing in things if thing is not None and thing.kiriko.role == cls.role)
+        return [thing for thing in found if thing.is_editable]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.errors_reported(self):
-            given = give_glass(_chosen(context), GLASSES[self.preset])
+            things = [] if self.part else self.selected(context)
+            given = give_glass(things or [self.part_in(context)], GLASSES[self.preset])
             telling.report(self, "INFO", joined([one.text for one in given]))
             return {"FINISHED"}
 
         return {"CANCELLED"}
+
+    @classmethod
+    def candidates(cls, context: bpy.types.Context) -> list[bpy.types.Object]:
+        """All selected glass, or that of the rig."""
+        return cls.selected(context) or super().candidates(context)
 
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"

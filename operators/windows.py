@@ -20,6 +20,15 @@ def redraw() -> None:
                 area.tag_redraw()
 
 
+def redraw_sidebars() -> None:
+    """Have the sidebars of all viewports drawn again, and nothing else."""
+    for window in all_windows():
+        for area in window.screen.areas:
+            for region in area.regions if area.type == "VIEW_3D" else ():
+                if region.type == "UI":
+                    region.tag_redraw()
+
+
 def image_editors() -> list[bpy.types.SpaceImageEditor]:
     """The image editors of all windows."""
     areas = (area for window in all_windows() for area in window.screen.areas)

@@ -98,6 +98,11 @@ def stop_following(tick: Callable[[], float], handlers: Iterable[tuple[str, Call
     stop_listening(handlers)
 
 
+def running() -> Any | None:
+    """The operator with long work that is under way, with its `progress`, 0 to 1."""
+    return _running[0] if _running else None
+
+
 def is_busy() -> bool:
     """Is one of the operators at work, or a render, so that
     nothing else may touch session and results?

@@ -8,8 +8,8 @@ from ..core.blender.data.translation_context import in_own_words
 from . import (
     add_menu,
     calibration_panel,
-    checklist_panel,
     export_panel,
+    main_panel,
     menus,
     object,
     overlay,
@@ -24,33 +24,30 @@ from . import (
     wipe,
 )
 
-# the order in which they stand in the sidebar
+# in the order of the sidebar
 CLASSES = (
-    checklist_panel.VIEW3D_PT_kiriko_checklist,
-    solve_panel.VIEW3D_PT_kiriko_solve,
-    solve_panel.VIEW3D_PT_kiriko_settings,
-    solve_panel.VIEW3D_PT_kiriko_preview,
-    checklist_panel.VIEW3D_PT_kiriko_advice,
+    main_panel.VIEW3D_PT_kiriko_main,
     result_panel.VIEW3D_PT_kiriko_result,
-    viewers_panel.KIRIKO_UL_viewers,
-    viewers_panel.VIEW3D_MT_kiriko_scenes,
     result_panel.VIEW3D_MT_kiriko_result_images,
     viewers_panel.VIEW3D_PT_kiriko_seen_by,
     result_panel.VIEW3D_PT_kiriko_details,
     rig_panel.VIEW3D_MT_kiriko_rigs,
-    object.VIEW3D_MT_kiriko_images,
-    object.VIEW3D_PT_kiriko_object,
-    object.OBJECT_PT_kiriko,
     rig_panel.VIEW3D_PT_kiriko_rig,
+    object.VIEW3D_MT_kiriko_images,
+    object.OBJECT_PT_kiriko,
     export_panel.VIEW3D_PT_kiriko_export,
-    export_panel.VIEW3D_PT_kiriko_show,
+    solve_panel.VIEW3D_PT_kiriko_check,
+    viewers_panel.KIRIKO_UL_viewers,
+    viewers_panel.VIEW3D_MT_kiriko_scenes,
+    viewers_panel.VIEW3D_PT_kiriko_viewers,
+    export_panel.VIEW3D_PT_kiriko_more_exports,
     export_panel.VIEW3D_PT_kiriko_animation,
     export_panel.VIEW3D_PT_kiriko_report,
-    calibration_panel.VIEW3D_PT_kiriko_lattice,
     calibration_panel.VIEW3D_PT_kiriko_calibration,
     calibration_panel.VIEW3D_PT_kiriko_expected,
     calibration_panel.VIEW3D_PT_kiriko_found,
-    calibration_panel.VIEW3D_PT_kiriko_not_told,
+    calibration_panel.VIEW3D_PT_kiriko_not_separated,
+    solve_panel.VIEW3D_PT_kiriko_advanced,
     add_menu.VIEW3D_MT_kiriko_add,
     *menus.SUBMENUS,
     menus.VIEW3D_MT_kiriko,
@@ -66,6 +63,7 @@ def register() -> None:
     bpy.types.VIEW3D_MT_add.append(add_menu.draw)
     bpy.types.VIEW3D_MT_object.append(menus.draw_in_object)
     bpy.types.TOPBAR_MT_file_export.append(menus.draw_in_export)
+    bpy.types.TOPBAR_MT_help.append(menus.draw_in_help)
     part_images.register()
     overlay.register()
     wipe.register()
@@ -80,6 +78,7 @@ def unregister() -> None:
     wipe.unregister()
     overlay.unregister()
     part_images.unregister()
+    bpy.types.TOPBAR_MT_help.remove(menus.draw_in_help)
     bpy.types.TOPBAR_MT_file_export.remove(menus.draw_in_export)
     bpy.types.VIEW3D_MT_object.remove(menus.draw_in_object)
     bpy.types.VIEW3D_MT_add.remove(add_menu.draw)

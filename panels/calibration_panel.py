@@ -8,21 +8,18 @@ from ..core.base.messages import Message, as_message, joined
 from ..core.blender.data.stored_records import Offset, Sentences, StoredNumbers
 from ..operators.calibrate import TELLS, TEXTS
 from ..operators.wrapping import sentence
-from .panel_text import OfRig
+from .panel_text import Closed, OfRig, with_labels
 
 MOST = 5  # amounts in the list
 
 
-class VIEW3D_PT_kiriko_lattice(OfRig, bpy.types.Panel):
-    """Make a lattice the picture, for a photograph of it."""
+class VIEW3D_PT_kiriko_calibration(Closed, bpy.types.Panel):
+    """Show a lattice, and fit the rig to a photograph of it."""
 
-    bl_label = "Calibration: Lattice"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_label = "Calibration"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = with_labels(self.layout)
         ours = context.scene.kiriko.calibration
         column = layout.column(align=True)
         column.prop(ours, "columns")
@@ -31,29 +28,18 @@ class VIEW3D_PT_kiriko_lattice(OfRig, bpy.types.Panel):
         layout.prop(ours, "style")
         layout.operator("kiriko.lattice_picture", icon="LIGHTPROBE_VOLUME")
 
-
-class VIEW3D_PT_kiriko_calibration(OfRig, bpy.types.Panel):
-    """Fit the rig to a photograph of the lattice."""
-
-    bl_label = "Calibration: Photograph"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        ours = context.scene.kiriko.calibration
+        layout.separator()
         layout.prop(ours, "filepath")
-        if Path(ours.filepath).suffix.lower() in TEXTS:  # a photograph has pixels of its own
+        if Path(ours.filepath).suffix.lower() in TEXTS:  # a photograph has its own size
             layout.prop(ours, "size")
         layout.prop(ours, "keep")
-        if not ours.filepath:
-            text = Message("Choose a photograph of the lattice, or a CSV of its points.")
-            sentence(layout, context, text, icon="INFO")
         buttons = layout.column(align=True)
         buttons.enabled = bool(ours.filepath)
         buttons.scale_y = 1.3
         buttons.operator("kiriko.calibrate", icon="TRACKER")
+        if not ours.filepath:
+            text = Message("Choose a photograph of the lattice, or a CSV of its points.")
+            sentence(layout, context, text, icon="INFO")
 
         if ours.offset:
             n = len(Offset.read(ours.offset).sets)
@@ -72,17 +58,14 @@ class VIEW3D_PT_kiriko_calibration(OfRig, bpy.types.Panel):
             row.operator("kiriko.remove_calibration")
 
 
-class VIEW3D_PT_kiriko_expected(OfRig, bpy.types.Panel):
-    """Errors that the bench may have, and their likely size."""
+class VIEW3D_PT_kiriko_expected(Closed, bpy.types.Panel):
+    """The likely size of each error of the bench."""
 
-    bl_label = "May Be Off"
+    bl_label = "Expected Errors"
     bl_parent_id = "VIEW3D_PT_kiriko_calibration"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = with_labels(self.layout)
         ours = context.scene.kiriko.calibration
         for name in ("shift", "turn", "index", "focal", "crossing", "mirror", "noise"):
             layout.prop(ours, name)
@@ -145,12 +128,11 @@ class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
             sentence(layout, context, advice(found), icon="OUTLINER_OB_CAMERA")
 
 
-class VIEW3D_PT_kiriko_not_told(OfRig, bpy.types.Panel):
-    """Which amounts one photograph cannot tell, or not from each other."""
+class VIEW3D_PT_kiriko_not_separated(Closed, bpy.types.Panel):
+    """The errors that one photograph does not show or cannot separate."""
 
-    bl_label = "Not Told Apart"
+    bl_label = "Not Separated"
     bl_parent_id = "VIEW3D_PT_kiriko_found"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

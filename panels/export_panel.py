@@ -1,52 +1,62 @@
-"""Export, the source image in a window, and the report on accuracy and time."""
+"""Export and More Exports: files, the source image in a window, animations and the report."""
 
 import bpy
 
 from ..core.base.messages import Message
 from ..core.blender.data.rigs import rigs
-from ..operators import choose_picture, show_window, watch
+from ..operators import choose_picture, show_window
 from ..operators.export import unwritable
 from ..operators.wrapping import sentence
-from .panel_text import OfRig
+from .panel_text import Closed, OfRig, with_labels
 
 
 class VIEW3D_PT_kiriko_export(OfRig, bpy.types.Panel):
-    """The file the source image goes to."""
+    """The file of the source image."""
 
     bl_label = "Export"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = with_labels(self.layout)
         ours = context.scene.kiriko
         layout.prop(ours, "export_path")
         layout.prop(ours, "export_format")
+        layout.operator("kiriko.export", icon="EXPORT")
         for reason in unwritable(ours.export_format):
             sentence(layout, context, Message("{reason}.", reason=reason), icon="ERROR")
 
-        layout.prop(ours, "export_overwrite")
-        if ours.result.source is not None and watch.is_reported_changed(context.scene):
-            sentence(layout, context, watch.CHANGED, icon="ERROR")
 
-        layout.operator("kiriko.export", icon="EXPORT")
+class VIEW3D_PT_kiriko_more_exports(Closed, bpy.types.Panel):
+    """All other files, and the source image in a window."""
+
+    bl_label = "More Exports"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = with_labels(self.layout)
         layout.operator("kiriko.export_maps", icon="UV")
         layout.operator("kiriko.export_atlas", icon="VIEW_PAN")
         layout.operator("kiriko.export_job", icon="NETWORK_DRIVE")
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
+        if len(rigs(context.scene)) > 1:
+            layout.prop(context.window_manager.kiriko, "show_rig")
+        layout.operator("kiriko.show_window", icon="WINDOW")
+
+        image = show_window.shown_result(context.scene).source
+        for window in show_window.show_windows():
+            size = show_window.size_of(window)
+            if image is not None:
+                is_whole = size == tuple(image.size)
+                icon = "CHECKMARK" if is_whole else "ERROR"
+                sentence(layout, context, words_on(size, tuple(image.size), _keys(context)), icon)
 
 
-class VIEW3D_PT_kiriko_animation(OfRig, bpy.types.Panel):
+class VIEW3D_PT_kiriko_animation(Closed, bpy.types.Panel):
     """The frames of an animation, as files and as a movie."""
 
     bl_label = "Animation"
-    bl_parent_id = "VIEW3D_PT_kiriko_export"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_parent_id = "VIEW3D_PT_kiriko_more_exports"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = with_labels(self.layout)
         ours = context.scene.kiriko
         if choose_picture.film_shown(context):
             layout.operator("kiriko.use_film", icon="FILE_MOVIE")
@@ -61,45 +71,17 @@ class VIEW3D_PT_kiriko_animation(OfRig, bpy.types.Panel):
         layout.operator("kiriko.export_movie", icon="FILE_MOVIE")
 
 
-class VIEW3D_PT_kiriko_report(OfRig, bpy.types.Panel):
-    """The cost of accuracy on this rig, measured."""
+class VIEW3D_PT_kiriko_report(Closed, bpy.types.Panel):
+    """The report on accuracy and time."""
 
     bl_label = "Report"
-    bl_parent_id = "VIEW3D_PT_kiriko_export"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_parent_id = "VIEW3D_PT_kiriko_more_exports"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        ours = context.scene.kiriko
-        layout.prop(ours, "report_folder")
+        layout = with_labels(self.layout)
+        layout.prop(context.scene.kiriko, "report_folder")
         layout.prop(context.window_manager.operator_properties_last("kiriko.report"), "seconds")
         layout.operator("kiriko.report", icon="GRAPH")
-
-
-class VIEW3D_PT_kiriko_show(OfRig, bpy.types.Panel):
-    """The source image on its display, from within Blender."""
-
-    bl_label = "Show"
-    bl_parent_id = "VIEW3D_PT_kiriko_export"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        if len(rigs(context.scene)) > 1:
-            layout.prop(context.window_manager.kiriko, "show_rig")
-        layout.operator("kiriko.show_window", icon="WINDOW")
-
-        image = show_window.shown_result(context.scene).source
-        for window in show_window.show_windows():
-            size = show_window.size_of(window)
-            if image is not None:
-                is_whole = size == tuple(image.size)
-                icon = "CHECKMARK" if is_whole else "ERROR"
-                sentence(layout, context, words_on(size, tuple(image.size), _keys(context)), icon)
 
 
 def _keys(context: bpy.types.Context) -> str:

@@ -152,3 +152,8 @@ def draw_in_export(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
         menu.layout.operator("kiriko.export", text=text).choose = True
         text = "Kiriko Warp Maps (.exr, .pgm, .obj, .data, .npz, .png)"
         menu.layout.operator("kiriko.export_maps", text=text)
+
+
+def draw_in_help(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """A line of the Help menu."""
+    menu.layout.operator("kiriko.open_manual", text="Kiriko Manual", icon="HELP")

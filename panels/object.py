@@ -1,4 +1,4 @@
-"""The active object's part in the rig: in the sidebar, and under Properties > Object."""
+"""The settings of an object as a part of the rig: in Properties > Object, and in Advanced."""
 
 import bpy
 
@@ -16,11 +16,17 @@ from ..core.blender.read.elements import DEFAULT_IOR
 from ..core.blender.read.plane import image_of
 from ..core.blender.read.scene_picture import UNREADABLE
 from ..core.blender.result.result_images import images_of
-from ..core.rig.catalogue import DisplayProduct, GlassProduct, PlateProduct
 from ..operators.make_glass import can_be_given
+from ..operators.part_verbs import name_part
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
-from .panel_text import OfRig
+from .panel_text import with_labels
+
+PRODUCTS = {
+    "GLASS": ("kiriko.glass_preset", lambda _, thing: glass_product(thing)),
+    "DISPLAY": ("kiriko.display_preset", display_product),
+    "PLATE": ("kiriko.plate_preset", plate_product),
+}
 
 
 class VIEW3D_MT_kiriko_images(bpy.types.Menu):
@@ -47,21 +53,8 @@ class VIEW3D_MT_kiriko_images(bpy.types.Menu):
         self.layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
 
 
-class VIEW3D_PT_kiriko_object(OfRig, bpy.types.Panel):
-    """The active object's part in the rig."""
-
-    bl_label = "Object"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        if context.active_object is None:
-            self.layout.label(text="No active object.")
-            return
-        self.layout.label(text=context.active_object.name, icon="OBJECT_DATA", translate=False)
-        draw_object(self.layout, context, context.active_object)
-
-
 class OBJECT_PT_kiriko(bpy.types.Panel):
-    """The same in the properties editor, also before there is a rig."""
+    """All settings of the active object, also before there is a rig."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
@@ -74,15 +67,13 @@ class OBJECT_PT_kiriko(bpy.types.Panel):
         return context.object is not None
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_object(self.layout, context, context.object)
+        draw_object(with_labels(self.layout), context, context.object)
 
 
 def draw_object(
     layout: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
 ) -> None:
-    """An object's settings, by its role, and the trouble with it."""
-    layout.use_property_split = True
-    layout.use_property_decorate = False
+    """The role of an object, the settings of that role, and trouble with them."""
     ours = thing.kiriko
     if thing.type == "CAMERA":
         draw_resolution(layout, context, thing)
@@ -90,26 +81,33 @@ def draw_object(
     why = bodiless(thing)
     if why and ours.role == "NONE":
         if thing.type != "CAMERA":
-            text = Message("It can be no part of the rig, for {why}.", why=why)
+            text = Message("It can't be part of the rig: {why}.", why=why)
             sentence(layout, context, text, icon="INFO")
         return
 
     layout.prop(ours, "role")
     if why:
-        text = Message("Set the role to None, for {why}.", why=why)
+        text = Message("Set the role to None: {why}.", why=why)
         sentence(layout, context, text, icon="ERROR")
         return
 
+    _draw_role(layout, context, thing)
+
+
+def _draw_role(
+    layout: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
+) -> None:
+    """The settings of a part, by its role."""
+    ours = thing.kiriko
+    if ours.role in PRODUCTS:
+        draw_product(labelled(layout, "Product"), context, thing)
     if ours.role == "GLASS":
         _draw_glass(layout, context, thing)
-    if ours.role == "PLATE":
-        _draw_product(layout, "kiriko.plate_preset", plate_product(context, thing))
-        _draw_plate(layout, ours.plate)
-
     if ours.role in {"GLASS", "MIRROR"}:
         layout.prop(ours, "surface")
+    elif ours.role == "PLATE":
+        _draw_plate(layout, ours.plate)
     elif ours.role == "DISPLAY":
-        _draw_product(layout, "kiriko.display_preset", display_product(context, thing))
         layout.prop(ours, "resolution")
         layout.operator("kiriko.fit_display", icon="FULLSCREEN_ENTER")
         _draw_light_of(layout, ours.display)
@@ -135,61 +133,52 @@ def draw_resolution(
 def _draw_glass(
     layout: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
 ) -> None:
-    """The index of a glass, and the trouble with its shape or its material."""
+    """The index in use, and trouble with the shape or the material."""
     ours = thing.kiriko
-    sides = sides_of(context.scene, thing)
-    if has_own_faces(context.scene, thing) and is_flat(sides):
-        text = Message(
-            "It is flat: give it a thickness, as by a Solidify modifier, or set the role to None."
-        )
-        sentence(layout, context, text, icon="ERROR")
-
-    if can_be_given(thing) and not ours.use_ior:
-        text = Message("Its material does not refract: an index of {ior} is used.", ior=DEFAULT_IOR)
-        sentence(layout, context, text, icon="ERROR")
-        layout.operator("kiriko.make_glass", icon="MATSPHERE")
-
-    _draw_product(layout, "kiriko.glass_preset", glass_product(thing))
-    row = layout.row(heading="Override IOR")
-    row.prop(ours, "use_ior", text="")
     found = index_in_use(thing)
-    if ours.use_ior:
-        row.prop(ours, "ior", text="")
-    elif found is not None:
+    if found is not None and not ours.use_ior:
         ior, name = found
         text = Message("{ior:.4f} (default)", ior=ior)
         if name:
             text = Message("{ior:.4f} from '{material}'", ior=ior, material=name)
-        row.label(text=in_words(text), translate=False)
+        labelled(layout, "IOR").label(text=in_words(text), translate=False)
+    row = layout.row(heading="Override IOR")
+    row.prop(ours, "use_ior", text="")
+    if ours.use_ior:
+        row.prop(ours, "ior", text="")
     layout.prop(ours, "priority")
+
+    if has_own_faces(context.scene, thing) and is_flat(sides_of(context.scene, thing)):
+        text = Message("It is flat. Add a Solidify modifier, or set the role to None.")
+        sentence(layout, context, text, icon="ERROR")
+    if can_be_given(thing) and not ours.use_ior:
+        text = Message("Its material isn't glass: an index of {ior} is used.", ior=DEFAULT_IOR)
+        sentence(layout, context, text, icon="ERROR")
+        layout.operator("kiriko.make_glass", icon="MATSPHERE")
 
 
 def _draw_picture(layout: bpy.types.UILayout, picture: bpy.types.Object) -> None:
-    """The image that is solved, wherever it was chosen.
-
-    Choosing another here fits the plane to it.
-    """
+    """The image in use. A menu offers the others, which the plane is fitted to."""
     image = image_of(picture)
     row = labelled(layout, "Image")
     name = in_words(Message("Choose Image")) if image is None else image.name
     menu = VIEW3D_MT_kiriko_images.bl_idname
     row.menu(menu, text=name, translate=False, icon="IMAGE_DATA")
-    row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
     layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
     layout.operator("kiriko.fit_picture_size", icon="FULLSCREEN_ENTER")
     draw_tone(layout, picture.kiriko.picture)
 
 
 def draw_tone(layout: bpy.types.UILayout, ours: bpy.types.PropertyGroup) -> None:
-    """How light a picture is wanted."""
+    """Brightness and contrast of a picture."""
     column = layout.column(align=True)
-    column.use_property_split = False  # in half of a narrow sidebar the names would be cut
+    column.use_property_split = False  # half of a narrow sidebar would cut the names
     for name in ("brightness", "gamma", "black_level"):
         column.prop(ours, name)
 
 
 def _draw_light_of(layout: bpy.types.UILayout, display: bpy.types.PropertyGroup) -> None:
-    """How a display shines."""
+    """The light of a display."""
     column = layout.column(align=True)
     column.prop(display, "white")
     column.prop(display, "black_level")
@@ -199,6 +188,7 @@ def _draw_light_of(layout: bpy.types.UILayout, display: bpy.types.PropertyGroup)
 
 
 def _draw_plate(layout: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:
+    """The size and the mirrors of a plate."""
     layout.operator("kiriko.fit_plate", icon="FULLSCREEN_ENTER")
     layout.prop(plate, "model")
     if plate.model == "IDEAL":
@@ -215,7 +205,7 @@ def _draw_plate(layout: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> N
 
 
 def labelled(layout: bpy.types.UILayout, text: str) -> bpy.types.UILayout:
-    """A row with a label before it, as Blender splits properties, for things that are none."""
+    """A row with a label before it, aligned with the properties."""
     line = layout.split(factor=0.4)
     label = line.row()
     label.alignment = "RIGHT"
@@ -223,13 +213,14 @@ def labelled(layout: bpy.types.UILayout, text: str) -> bpy.types.UILayout:
     return line.row(align=True)
 
 
-def _draw_product(
-    layout: bpy.types.UILayout,
-    operator: str,
-    product: PlateProduct | DisplayProduct | GlassProduct | None,
+def draw_product(
+    row: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
 ) -> None:
-    """The product that a part is by its values, as a menu of all others."""
+    """A menu of products, with the name of the one that the part's values match."""
+    operator, product_of = PRODUCTS[thing.kiriko.role]
+    product = product_of(context, thing)
     name = Message("Custom") if product is None else as_message(product.name)
-    labelled(layout, "Product").operator_menu_enum(
+    menu = row.operator_menu_enum(
         operator, "preset", text=in_words(name), translate=False, icon="PRESET"
     )
+    name_part(menu, thing)

@@ -15,7 +15,9 @@ from ..operators.telling import in_words
 from ..operators.wrapping import MARGIN, sentence
 from .panel_text import OfRig
 
-WHOLE = 0.999  # share of the picture from which on nothing needs a remedy
+WHOLE = 0.999  # share of the picture, above which no remedy is offered
+ICON = 20.0  # px, the width of an icon at a scale of 1
+LARGEST = 16.0  # icons, the width of the largest image
 
 
 def draw_remedies(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -34,12 +36,8 @@ def draw_remedies(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
         row.operator("kiriko.turn_back")
 
 
-ICON = 20.0  # px at a scale of 1 that an icon is wide
-LARGEST = 16.0  # icons: no picture is drawn larger, however wide the sidebar
-
-
 class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
-    """The last result: a sentence, the source image, the trouble with it."""
+    """The last result: the percentage shown, error and time, and trouble with it."""
 
     bl_label = "Result"
 
@@ -59,32 +57,34 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
             layout.label(text="Not solved yet.")
             return
 
-        # numbers of the scene or the image before stay where they are until the new ones, but faint
+        # numbers of an older scene or image keep their place, greyed out
         is_changed = watch.is_reported_changed(context.scene)
-        of_shown = not (result.is_coarse or is_changed or live.is_ahead(context.scene))
         column = layout.column()
-        column.active = of_shown
+        column.active = not (result.is_coarse or is_changed or live.is_ahead(context.scene))
         if result.summary:
             sentence(column, context, said.message(result.summary))
-        draw_legibility(column, context)
+        draw_legibility(column, context, result, is_only_low=True)
+        draw_cost(column, context, StoredNumbers.read(result.details).by_name)
+        for note in notes_of(result)[0]:
+            sentence(column, context, said.message(note), icon="ERROR")
         if is_changed:
             sentence(layout, context, watch.CHANGED, icon="ERROR")
-        if result.source is not None:
-            layout.operator("kiriko.export", icon="EXPORT")  # above the fold, before the image
-        image = result.shown or result.source
-        if image is not None:
-            layout.template_icon(image.preview_ensure().icon_id, scale=icons_across(context))
-            if images_of(result) != [image]:
-                menu = VIEW3D_MT_kiriko_result_images.bl_idname
-                layout.menu(menu, text=image.name, translate=False, icon="IMAGE_DATA")
-
-        warnings, _ = notes_of(result)
-        column = layout.column()
-        column.active = of_shown
-        for note in warnings:
-            sentence(column, context, said.message(note), icon="ERROR")
-
         draw_remedies(layout, context)
+        if result.source is not None:
+            is_on = context.window_manager.kiriko.show_comparison
+            layout.operator("kiriko.before_after", icon="ARROW_LEFTRIGHT", depress=is_on)
+
+
+def draw_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The image of the result, and a menu of several."""
+    result = context.scene.kiriko.result
+    image = result.shown or result.source
+    if image is None:
+        return
+    layout.template_icon(image.preview_ensure().icon_id, scale=icons_across(context))
+    if images_of(result) != [image]:
+        menu = VIEW3D_MT_kiriko_result_images.bl_idname
+        layout.menu(menu, text=image.name, translate=False, icon="IMAGE_DATA")
 
 
 class VIEW3D_MT_kiriko_result_images(bpy.types.Menu):
@@ -100,13 +100,18 @@ class VIEW3D_MT_kiriko_result_images(bpy.types.Menu):
             ).image = image.name
 
 
-def draw_legibility(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """How legible the picture is, by the image that is shown."""
-    result = context.scene.kiriko.result
+def draw_legibility(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    result: bpy.types.PropertyGroup,
+    is_only_low: bool = False,
+) -> None:
+    """The legibility of the picture in the last result, or only if it is low."""
     found = StoredNumbers.read(result.details).by_name.get("legibility")
-    if found is not None and not result.is_coarse:  # a result of an animation's frame has none
-        icon = "INFO" if found >= READABLE else "ERROR"
-        sentence(layout, context, Message("Legibility: {share}", share=percent(found)), icon=icon)
+    if found is None or result.is_coarse or (is_only_low and found >= READABLE):
+        return
+    icon = "INFO" if found >= READABLE else "ERROR"
+    sentence(layout, context, Message("Legibility: {share}", share=percent(found)), icon=icon)
 
 
 def icons_across(context: bpy.types.Context) -> float:
@@ -125,35 +130,35 @@ def notes_of(result: bpy.types.PropertyGroup) -> tuple[list[str], list[str]]:
 
 
 def draw_cost(layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
-    """The error beside the time it took, and the time for another tolerance."""
-    if "total_seconds" not in details:  # a result of an earlier version
+    """The error and the time of the solve."""
+    if "total_seconds" not in details:
         return
 
-    known = []
+    errors = []
     if details["tessellation_error"]:
-        known.append(Message("mesh {error}", error=pixels(details["tessellation_error"])))
+        errors.append(Message("mesh {error}", error=pixels(details["tessellation_error"])))
     if details["map_error"] and details["map_error"]["percentile"]:
-        known.append(Message("map {error}", error=pixels(details["map_error"]["percentile"])))
-    if known:
-        text = Message("Error: {errors}", errors=joined(known, ", "))
+        errors.append(Message("map {error}", error=pixels(details["map_error"]["percentile"])))
+    if errors:
+        text = Message("Error: {errors}", errors=joined(errors, ", "))
         sentence(layout, context, text, icon="DRIVER_DISTANCE")
-
-    plate = details.get("plate")
-    if plate:
-        sentence(layout, context, plate_words(plate), icon="MESH_GRID")
-
     text = Message("Solved in {seconds} s", seconds=number(details["total_seconds"]))
     sentence(layout, context, text, icon="TIME")
 
+
+def draw_forecast(layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
+    """Brightness and blur by the plate, and the time for another tolerance."""
+    if details.get("plate"):
+        sentence(layout, context, plate_words(details["plate"]), icon="MESH_GRID")
     for name in ("half", "twice"):
-        if name in details["cost"]:
+        if name in details.get("cost", ()):
             other = details["cost"][name]
             text = Message(
                 "Tolerance {tolerance:.3g} px: about {seconds} s",
                 tolerance=other["tolerance"],
                 seconds=number(other["seconds"]),
             )
-            sentence(layout, context, text, icon="BLANK1")
+            sentence(layout, context, text, icon="TIME")
 
 
 def plate_words(plate: dict) -> str:
@@ -185,14 +190,15 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        result = context.scene.kiriko.result
-        return bool(result.details or result.notes)
+        return context.scene.kiriko.result.source is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         result = context.scene.kiriko.result
         details = StoredNumbers.read(result.details).by_name
         said = Sentences.read(result.sentences)
+        draw_image(layout, context)
+        draw_legibility(layout, context, result)
         for note in notes_of(result)[1]:
             sentence(layout, context, said.message(note), icon="INFO")
         if result.seen is not None and result.seen_summary:
@@ -201,7 +207,7 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
             return
 
         draw_shares(layout, details)
-        draw_cost(layout, context, details)
+        draw_forecast(layout, context, details)
         draw_white(layout, context, details)
         for read in details["materials"]:
             sentence(layout, context, index_words(read, said), icon="MATERIAL")

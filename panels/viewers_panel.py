@@ -1,16 +1,28 @@
-"""The viewers of the rig: the list of them, and what each sees of the last result."""
+"""The viewers: their list and settings, visible range and eye box, and the result of each."""
 
 from typing import Any
 
 import bpy
 
-from ..core.base.messages import Message
-from ..core.blender.data.camera_viewer import camera_at, number_shown, own_images, seats_of
+from ..core.base.messages import Message, quoted
+from ..core.base.numbers import number
+from ..core.blender.data.camera_viewer import (
+    camera_at,
+    frame_of,
+    frame_of_render,
+    number_shown,
+    own_images,
+    seats_of,
+    viewer_of,
+)
 from ..core.blender.data.stored_records import Sentences, StoredNumbers
-from ..operators import viewer_reports
+from ..operators import viewer_reports, watch
+from ..operators.eye_box import box_of, of_blended, served_in_words, ways_in_words
+from ..operators.outdated_surfaces import EYE_BOX, LABELS, RANGE, looked_up
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
-from .panel_text import OfRig
+from .object import draw_resolution, draw_tone
+from .panel_text import Closed, OfRig, with_labels
 
 ROWS = 4
 
@@ -69,6 +81,59 @@ class VIEW3D_MT_kiriko_scenes(bpy.types.Menu):
                 choice.scene = scene.name
 
 
+class VIEW3D_PT_kiriko_viewers(Closed, bpy.types.Panel):
+    """The viewers, their pixels and pictures, and the places that the picture is seen from."""
+
+    bl_label = "Viewers"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = with_labels(self.layout)
+        ours = context.scene.kiriko
+        column = layout.column()
+        draw_viewers(column, context)
+        draw_frame(column, context)
+        draw_more(column, context)
+        column.prop(ours, "picture_source")
+        if ours.picture_source == "IMAGE":
+            draw_images(column, context)
+            draw_tone(column, ours.picture)
+
+        row = layout.row(align=True)
+        row.operator("kiriko.visible_range", icon="HIDE_OFF")
+        row.operator("kiriko.remove_visible_range", text="", icon="X")
+        draw_if_old(layout, context, RANGE)
+        draw_eye_box(layout, context)
+
+
+def draw_frame(column: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The viewer's pixels, and a note if Numpad 0 shows another view."""
+    scene = context.scene
+    viewer = viewer_of(scene)
+    if viewer is None:
+        return
+
+    draw_resolution(column, context, viewer)
+    if scene.camera != viewer:
+        camera = scene.camera
+        shown = Message("no camera") if camera is None else quoted([camera.name])
+        text = Message("Numpad 0 shows {shown}, not '{viewer}'.", shown=shown, viewer=viewer.name)
+        sentence(column, context, text, icon="INFO")
+        switch = column.operator(
+            "wm.context_set_id", text="Make It the Scene's Camera", icon="OUTLINER_OB_CAMERA"
+        )
+        switch.data_path, switch.value = "scene.camera", viewer.name
+        return
+
+    shown = frame_of_render(scene.render)
+    if not frame_of(viewer, scene.render).has_shape_of(shown):
+        text = Message(
+            "Numpad 0 shows it in the shape of the render, {width} x {height} px.",
+            width=shown.size[0],
+            height=shown.size[1],
+        )
+        sentence(column, context, text, icon="INFO")
+
+
 def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """The viewer; the list and the chosen one's camera where there are several."""
     ours = context.scene.kiriko
@@ -119,10 +184,45 @@ def draw_more(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator("kiriko.viewer_grid", icon="LIGHTPROBE_VOLUME")
 
 
+def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The button, and below it how far the head may go, as last found."""
+    row = layout.row(align=True)
+    row.operator("kiriko.eye_box", icon="MOD_LATTICE")
+    row.operator("kiriko.remove_eye_box", text="", icon="X")
+    box = box_of(looked_up(context.scene, EYE_BOX))
+    if box is None:
+        return
+
+    column = layout.column(align=True)
+    text = Message(
+        "Within {limit} arcmin the head of '{viewer}' may go:",
+        limit=number(box["limit"]),
+        viewer=box["viewer"],
+    )
+    sentence(column, context, text, icon="INFO")
+    for way in ways_in_words(context.scene, box):
+        sentence(column, context, way, icon="BLANK1")
+    for k, line in enumerate(served_in_words(box)):
+        sentence(column, context, line, icon="BLANK1" if k else "LIGHTPROBE_VOLUME")
+    for line in of_blended(context.scene):
+        sentence(column, context, line, icon="BLANK1")
+    draw_if_old(column, context, EYE_BOX)
+
+
+def draw_if_old(layout: bpy.types.UILayout, context: bpy.types.Context, name: str) -> None:
+    """A sentence where the rig is another than a surface was made for."""
+    if watch.is_reported_outdated(context.scene, name):
+        text = Message(
+            "The scene has changed since '{label}' looked at it: press it again.",
+            label=LABELS[name],
+        )
+        sentence(layout, context, text, icon="ERROR")
+
+
 class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
     """What each of several viewers sees of the last result, the worst first."""
 
-    bl_label = "Viewers"
+    bl_label = "Seen By"
     bl_parent_id = "VIEW3D_PT_kiriko_result"
 
     @classmethod

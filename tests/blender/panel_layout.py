@@ -1,7 +1,9 @@
-"""A layout that checks the items panels draw on it, and keeps them."""
+"""A layout that checks the items panels draw on it, and stores them with their places."""
 
+from collections.abc import Iterator
 from copy import copy
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import bpy
 
@@ -16,12 +18,29 @@ def told(entries: list) -> list[str]:
     return [str(entry.text) for entry in entries]
 
 
+ROW = 20.0  # px, the height of a button at a scale of 1
+
+
+class Place(NamedTuple):
+    """An item of a panel: its name, its upper end and its height, px."""
+
+    name: str
+    top: float
+    height: float
+
+
 class Layout:
-    """Takes the items of a panel: properties have to be there,
-    and operators, with the properties of theirs.
+    """Stores the items of a panel: properties, operators and their properties have to exist.
+
+    buttons, fields : names of items that can be pressed, and of values that can be changed; a
+        menu that shows its value is a field
     """
 
     def __init__(self) -> None:
+        self.children: list[Layout | str] = []
+        self.is_row, self.scale_y = False, 1.0
+        self.buttons: list[str] = []
+        self.fields: list[str] = []
         self.props: list[str] = []
         self.texts: list[str] = []
         self.icons: dict[str, str] = {}  # by the text they stand at
@@ -34,17 +53,41 @@ class Layout:
         self.active = self.enabled = True
         self.is_faint = False
 
-    def box(self, **options: object) -> "Layout":
-        """A layout in this one, whose items are kept with its own."""
+    def column(self, **options: object) -> "Layout":
+        """A layout in this one, whose items are stored with its own."""
         inside = copy(self)
         inside.active, inside.is_faint = True, self.is_faint or not self.active
+        inside.children, inside.is_row, inside.scale_y = [], False, 1.0
+        self.children.append(inside)
         return inside
 
-    row = column = split = box
+    box = column
+
+    def row(self, **options: object) -> "Layout":
+        inside = self.column()
+        inside.is_row = True
+        return inside
+
+    split = row
+
+    def places(self, top: float = 0.0, scale: float = 1.0) -> Iterator[Place]:
+        """All items from the top down."""
+        scale *= self.scale_y
+        for child in self.children:
+            if isinstance(child, Layout):
+                found = list(child.places(top, scale))
+                height = max((p.top + p.height - top for p in found), default=0.0)
+                yield from found
+            else:
+                height = ROW * scale
+                yield Place(child, top, height)
+            top += 0.0 if self.is_row else height
 
     def prop(self, data: bpy.types.bpy_struct, name: str, **options: object) -> None:
         assert name in data.bl_rna.properties
         self.props.append(name)
+        self.fields.append(name)
+        self.children.append(name)
 
     def template_ID(self, data: bpy.types.bpy_struct, name: str, **options: object) -> None:  # noqa: N802, Blender's
         self.prop(data, name)
@@ -63,6 +106,8 @@ class Layout:
         getattr(getattr(bpy.ops, group), verb).get_rna_type()  # KeyError where there is none
         assert icon in ICONS
         self.operators.append(name)
+        self.buttons.append(name)
+        self.children.append(name)
         if not self.enabled:
             self.grey.append(name)
         self.labels.append(str(options.get("text", "")))
@@ -75,6 +120,8 @@ class Layout:
         assert hasattr(bpy.types, name)
         assert icon in ICONS
         self.menus.append(name)
+        self.buttons.append(name)
+        self.children.append(name)
         self.texts.append(text)
 
     def separator(self) -> None:
@@ -85,14 +132,17 @@ class Layout:
 
     def operator_menu_enum(
         self, name: str, prop: str, icon: str = "NONE", **options: object
-    ) -> None:
-        self.operator(name, icon, **options)
+    ) -> SimpleNamespace:
+        made = self.operator(name, icon, **options)
+        self.fields.append(self.buttons.pop())
         group, verb = name.split(".")
         assert getattr(getattr(bpy.ops, group), verb).get_rna_type().properties[prop].type == "ENUM"
+        return made
 
     def label(self, text: str = "", icon: str = "NONE", **options: object) -> None:
         assert icon in ICONS
         self.texts.append(text)
+        self.children.append(f"label {text}")
         self.icons[text] = icon
         if self.is_faint or not self.active:
             self.faint.append(text)
@@ -100,6 +150,8 @@ class Layout:
     def progress(self, factor: float, text: str) -> None:
         assert 0 <= factor <= 1
         self.texts.append(text)
+        self.children.append("progress")
 
     def template_icon(self, icon: int, scale: float) -> None:
         assert isinstance(icon, int)  # 0 without a window
+        self.children += ["image"] * int(scale)

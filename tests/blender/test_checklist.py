@@ -16,6 +16,9 @@ import pytest
 from panel_layout import Layout, told
 from small_rigs import SIDE, cube, new_object, pixels, primitive, small_rig
 
+# the main buttons of the first panel, above the checklist
+MAIN = ["kiriko.solve", "kiriko.live", "kiriko.look_through", "kiriko.open_picture"]
+
 
 def press(entries: list, words: str, n: int = 0) -> object:
     """Press a button of the one entry that has these words, by its properties as drawn."""
@@ -56,11 +59,11 @@ def test_a_shape_that_is_edited_is_not_called_ready(
     look()
     bpy.context.view_layer.objects.active = thing
     bpy.ops.object.mode_set(mode="EDIT")
-    texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist", thing).texts
-    assert ("as you leave edit mode" in " ".join(texts)) == (role == "GLASS")
+    texts = drawn("main_panel", "VIEW3D_PT_kiriko_main", thing).texts
+    assert ("leave Edit Mode" in " ".join(texts)) == (role == "GLASS")
     assert ("Ready: press Solve." in texts) == (role == "PICTURE")
     bpy.ops.object.mode_set(mode="OBJECT")
-    texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist", thing).texts
+    texts = drawn("main_panel", "VIEW3D_PT_kiriko_main", thing).texts
     assert texts == ["Ready: press Solve."]
 
 
@@ -70,7 +73,7 @@ def test_a_rig_with_nothing_to_do_is_ready(
     """One line, with the next button's name before there is a result."""
     small_rig()
     assert told(look()) == []
-    assert drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts == ["Ready: press Solve."]
+    assert drawn("main_panel", "VIEW3D_PT_kiriko_main").texts == ["Ready: press Solve."]
     bpy.ops.kiriko.solve()
     entries = look()
     assert all(entry.icon == "INFO" for entry in entries)
@@ -549,14 +552,13 @@ def test_every_button_is_an_operator_with_its_properties(
     """The panel draws the sentences and all buttons of an unhappy rig."""
     glass = glass_of(holed())
     glass.kiriko.use_ior = False
-    shown = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
+    shown = drawn("main_panel", "VIEW3D_PT_kiriko_main")
     entries = look()
     assert len(entries) == 2
-    shown = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
-    another, *buttons, picture = shown.operators
-    assert (another, picture) == ("kiriko.add_rig", "kiriko.open_picture")
-    assert buttons == [b.operator for entry in entries for b in entry.buttons]
-    assert " ".join(told(entries)) == " ".join(shown.texts)
+    shown = drawn("main_panel", "VIEW3D_PT_kiriko_main")
+    assert shown.operators[:4] == MAIN
+    assert shown.operators[4:] == [b.operator for entry in entries for b in entry.buttons]
+    assert " ".join(["Before you solve:", *told(entries)]) == " ".join(shown.texts)
     for entry in entries:
         for button in entry.buttons:
             group, verb = button.operator.split(".")
@@ -564,48 +566,42 @@ def test_every_button_is_an_operator_with_its_properties(
             assert set(dict(button.properties)) <= set(known.keys())
 
 
-def test_nothing_that_is_told_late_stands_above_solve(
+def test_advice_stands_below_what_comes_first(
     look: Callable[[], list],
     scene: bpy.types.Scene,
     drawn: Callable[..., Layout],
 ) -> None:
-    """What a look at a shape or a result tells that can wait stands in the panel below: the first
-    one is as high as before, and Solve stays under the pointer.
-    """
-    first, advice = (
-        ("checklist_panel", f"VIEW3D_PT_kiriko_{name}") for name in ("checklist", "advice")
-    )
-    is_shown = bpy.types.VIEW3D_PT_kiriko_advice.poll
+    """The line of the state stays the same one while only advice comes or goes."""
 
-    def first_line() -> str:
-        shown = drawn(*first)
-        assert shown.operators == ["kiriko.add_rig", "kiriko.open_picture"]
-        (line,) = shown.texts
-        return line
+    def shown() -> tuple[str, str, list[str]]:
+        layout = drawn("main_panel", "VIEW3D_PT_kiriko_main")
+        assert layout.operators[:4] == MAIN
+        first, *texts = layout.texts
+        return first, " ".join(texts), layout.operators[4:]
 
     parts = small_rig(plate_size=0.03)
     look()
-    assert not is_shown(bpy.context)
-    assert first_line() == "Ready: press Solve."
+    assert shown() == ("Ready: press Solve.", "", [])
 
     parts["GLASS"].data = lathe(32, 16)
     look()
-    assert is_shown(bpy.context)
-    assert "looks curved" in drawn(*advice).texts[0]
-    assert drawn(*advice).operators == ["kiriko.shade_smooth"]
-    assert first_line() == "Ready: press Solve."
+    first, texts, buttons = shown()
+    assert (first, buttons) == ("Ready: press Solve.", ["kiriko.shade_smooth"])
+    assert "looks curved" in texts
     press(look(), "looks curved")
 
     bpy.ops.kiriko.solve()
     look()
-    assert "missed the plate" in " ".join(drawn(*advice).texts)
-    assert "kiriko.fit_plate" in drawn(*advice).operators
-    assert first_line() == "Ready."
+    first, texts, buttons = shown()
+    assert first == "Ready."
+    assert "missed the plate" in texts
+    assert "kiriko.fit_plate" in buttons
 
-    scene.kiriko.result.is_coarse = True
+    parts["DISPLAY"].hide_viewport = parts["DISPLAY"].hide_render = True
     look()
-    assert not is_shown(bpy.context)
-    assert first_line() == "Ready: press Solve."
+    first, texts, _ = shown()
+    assert first == "Before you solve:"
+    assert "is hidden" in texts.partition("missed the plate")[0]
 
 
 def test_a_mesh_is_looked_at_once(
@@ -671,34 +667,39 @@ def test_a_button_that_comes_under_the_pointer_waits(
     drawn: Callable[..., Layout],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """After a press another button stands where the pressed one was: the first panel's buttons and
-    Solve's are grey for the time of a double click, and then not.
+    """After a change of the checklist its buttons are grey for the time of a double click; the
+    main buttons, which never move, are not.
     """
     cube().scale = (40, 40, 40)
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
 
     def grey() -> tuple[list[str], list[str]]:
-        shown = [drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")]
-        shown.append(drawn("solve_panel", "VIEW3D_PT_kiriko_solve"))
+        shown = drawn("main_panel", "VIEW3D_PT_kiriko_main")
         return tuple(
-            [b for one in shown for b in one.operators if (b in one.grey) == is_grey]
+            [b for b in shown.operators if (b in shown.grey) == is_grey]
             for is_grey in (False, True)
         )
 
-    usable, waiting = grey()
-    assert {"kiriko.make_glass", "kiriko.rescale_scene", "kiriko.solve"} <= set(usable)
-    assert not waiting
+    def wait() -> None:
+        clock = in_window.monotonic
+        monkeypatch.setattr(in_window, "monotonic", lambda: clock() + 1.0)
+
+    assert grey() == (MAIN, [])
     in_window.tick()
     usable, waiting = grey()
-    assert not waiting  # nothing has moved
+    assert usable == MAIN
+    assert {"kiriko.make_glass", "kiriko.rescale_scene"} <= set(waiting)
+    wait()
+    assert not grey()[1]
+    in_window.tick()
+    assert not grey()[1]  # nothing has moved
     bpy.ops.kiriko.make_glass(part="Cube")
     in_window.inspect_again(scene)
     in_window.tick()
     usable, waiting = grey()
-    assert {"kiriko.rescale_scene", "kiriko.open_picture", "kiriko.solve"} <= set(waiting)
-    assert usable == ["kiriko.add_rig"]  # which is above them, and has not moved
-    clock = in_window.monotonic
-    monkeypatch.setattr(in_window, "monotonic", lambda: clock() + 1.0)
+    assert usable == MAIN
+    assert "kiriko.rescale_scene" in waiting
+    wait()
     assert not grey()[1]
 
 
@@ -720,8 +721,8 @@ def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
     assert look_over.is_looking(scene)
     with monkeypatch.context() as patch:
         patch.setattr(look_over, "found", lambda context: [])  # background looks as it is drawn
-        texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
-    assert texts == ["Looking at the shape."]
+        texts = drawn("main_panel", "VIEW3D_PT_kiriko_main").texts
+    assert texts == ["Checking the glass..."]
 
     monkeypatch.setattr(look_over, "RESTING", 0.0)
     look_over.inspect_again(scene)
@@ -732,7 +733,7 @@ def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
     for _ in range(9):  # a mesh a turn
         look_over.tick()
     assert not look_over.is_looking(scene)
-    assert drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts == ["Ready: press Solve."]
+    assert drawn("main_panel", "VIEW3D_PT_kiriko_main").texts == ["Ready: press Solve."]
 
     # a shape that is no part of a rig is nobody's to wait for
     other = new_object(primitive("cube", size=0.1))

@@ -18,7 +18,7 @@ PANELS = (
     ("result_panel", "VIEW3D_PT_kiriko_details"),
     ("calibration_panel", "VIEW3D_PT_kiriko_calibration"),
     ("rig_panel", "VIEW3D_PT_kiriko_rig"),
-    ("checklist_panel", "VIEW3D_PT_kiriko_checklist"),
+    ("main_panel", "VIEW3D_PT_kiriko_main"),
 )
 DAMAGED = ("no JSON", "[]", "7", '"text"', '{"changes": 7}', NEWER, "[" * 100_000)
 

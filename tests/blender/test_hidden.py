@@ -93,7 +93,7 @@ def test_a_part_the_rig_needs(
     otherwise = ", or set its role to None" if role == "PLATE" else ""
     told = f"The {role.lower()} '{part.name}' is hidden{WAYS[way]}: show it{otherwise}."
     assert drawn("rig_panel", "VIEW3D_PT_kiriko_rig").icons[part.name] == "HIDE_ON"
-    assert told in " ".join(drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts)
+    assert told in " ".join(drawn("main_panel", "VIEW3D_PT_kiriko_main").texts)
     assert not bpy.ops.kiriko.solve.poll()
 
     # nodes might instance it: then the button is not grey, and the error says the same

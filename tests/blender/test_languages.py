@@ -133,17 +133,18 @@ def english_in(texts: list[str], look_up: Callable[[str], str]) -> list[str]:
 
 
 PANELS = {
-    "checklist_panel": ["VIEW3D_PT_kiriko_checklist", "VIEW3D_PT_kiriko_advice"],
-    "solve_panel": [
-        "VIEW3D_PT_kiriko_solve",
-        "VIEW3D_PT_kiriko_settings",
-        "VIEW3D_PT_kiriko_preview",
-    ],
+    "main_panel": ["VIEW3D_PT_kiriko_main"],
+    "solve_panel": ["VIEW3D_PT_kiriko_check", "VIEW3D_PT_kiriko_advanced"],
     "result_panel": ["VIEW3D_PT_kiriko_result", "VIEW3D_PT_kiriko_details"],
-    "object": ["VIEW3D_PT_kiriko_object"],
+    "object": ["OBJECT_PT_kiriko"],
     "rig_panel": ["VIEW3D_PT_kiriko_rig"],
-    "export_panel": ["VIEW3D_PT_kiriko_export", "VIEW3D_PT_kiriko_report"],
-    "calibration_panel": ["VIEW3D_PT_kiriko_lattice", "VIEW3D_PT_kiriko_calibration"],
+    "viewers_panel": ["VIEW3D_PT_kiriko_viewers"],
+    "export_panel": [
+        "VIEW3D_PT_kiriko_export",
+        "VIEW3D_PT_kiriko_more_exports",
+        "VIEW3D_PT_kiriko_report",
+    ],
+    "calibration_panel": ["VIEW3D_PT_kiriko_calibration"],
     "add_menu": ["VIEW3D_MT_kiriko_add"],
 }
 
@@ -153,7 +154,7 @@ def shown_texts(
 ) -> Iterator[str]:
     """All that the panels write, with an active object."""
     for module, names in PANELS.items():
-        for name in names:
+        for name in names if thing is not None or module != "object" else ():
             layout = drawn(module, name, thing)
             yield from (*layout.texts, *layout.labels)
 
@@ -177,7 +178,7 @@ def test_a_result_solved_in_english_reads_japanese(drawn, scene, in_japanese):
 
 def test_before_and_right_after_add_rig(drawn, scene, in_japanese):
     """The first panel, and the sentences of Add Rig, have no English word left."""
-    first = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
+    first = drawn("main_panel", "VIEW3D_PT_kiriko_main")
     assert not english_in([*first.texts, *first.labels], in_japanese)
     small_rig()
     assert not english_in(list(shown_texts(drawn)), in_japanese)

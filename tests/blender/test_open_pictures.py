@@ -74,7 +74,7 @@ def test_a_file_that_is_nobody_s_is_refused(folder):
 
 def test_the_panel_has_it_below_the_own_image(drawn, folder):
     bpy.context.scene.kiriko.picture_source = "IMAGE"
-    shown: Layout = drawn("rig_panel", "VIEW3D_PT_kiriko_rig")
+    shown: Layout = drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers")
     assert "kiriko.open_pictures" in shown.operators
 
 

@@ -121,7 +121,7 @@ def test_it_is_told_in_the_scenes_unit_and_in_the_panel(scene, drawn):
     left = float(f"{1e3 * found['left']:.3g}")
     assert str(ways[0]).startswith(f"{left:g} mm")
     assert sum(str(way).count("and more") for way in ways) == sum(found["is_open"])
-    text = " ".join(drawn("rig_panel", "VIEW3D_PT_kiriko_rig").texts)
+    text = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers").texts)
     for way in ways:
         assert str(way) in text
     bpy.ops.kiriko.remove_eye_box()
@@ -189,7 +189,7 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(scene, drawn):
     bpy.ops.kiriko.eye_box()
     room = loaded("operators.eye_box")
     assert room.served_in_words(kept()) == []
-    lines = " ".join(drawn("rig_panel", "VIEW3D_PT_kiriko_rig").texts)
+    lines = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers").texts)
     assert "box of" not in lines
 
     bpy.ops.kiriko.two_eyes()
@@ -204,7 +204,7 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(scene, drawn):
         assert "curves" not in served[way]
         for name, value in served[way].items():
             assert value == pytest.approx(getattr(getattr(found, way), name), abs=1e-9), name
-    lines = " ".join(drawn("rig_panel", "VIEW3D_PT_kiriko_rig").texts)
+    lines = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers").texts)
     number = loaded("core.base.numbers").number
     everyone = served["for_all"]
     assert (

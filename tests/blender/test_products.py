@@ -63,7 +63,7 @@ def test_an_object_shows_the_product_that_it_is(scene, drawn):
     parts = small_rig()
 
     def shown(role: str) -> str:
-        texts = drawn("object", "VIEW3D_PT_kiriko_object", activate(parts[role])).labels
+        texts = drawn("object", "OBJECT_PT_kiriko", activate(parts[role])).labels
         return next(text for text in texts if text)
 
     activate(parts["PLATE"])
@@ -89,13 +89,13 @@ def test_light_is_set_and_told_in_the_panels(scene, drawn):
     """Picture and display have their settings; Details tell the luminance of white as seen."""
     parts = small_rig()
     tone = {"brightness", "gamma", "black_level"}
-    shown = drawn("object", "VIEW3D_PT_kiriko_object", activate(parts["PICTURE"])).props
+    shown = drawn("object", "OBJECT_PT_kiriko", activate(parts["PICTURE"])).props
     assert tone <= set(shown)
 
     display = activate(parts["DISPLAY"])
-    assert "gamma" not in drawn("object", "VIEW3D_PT_kiriko_object", display).props
+    assert "gamma" not in drawn("object", "OBJECT_PT_kiriko", display).props
     display.kiriko.display.encoding = "POWER"
-    shown = drawn("object", "VIEW3D_PT_kiriko_object", display).props
+    shown = drawn("object", "OBJECT_PT_kiriko", display).props
     assert {"white", "black_level", "encoding", "gamma"} <= set(shown)
 
     bpy.ops.kiriko.display_preset(preset="Dell U2723QE")

@@ -461,11 +461,9 @@ def test_the_panel_names_the_rig_and_offers_others(
 ) -> None:
     """One alone is named; of two one is chosen by a menu."""
     add(cube())
-    assert "VIEW3D_MT_kiriko_rigs" not in str(
-        drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").__dict__
-    )
+    assert "VIEW3D_MT_kiriko_rigs" not in str(drawn("main_panel", "VIEW3D_PT_kiriko_main").__dict__)
     add(gem())
-    drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
+    drawn("main_panel", "VIEW3D_PT_kiriko_main")
     menu = drawn("rig_panel", "VIEW3D_MT_kiriko_rigs")
     assert menu is not None
 

@@ -620,7 +620,7 @@ def test_the_panel_shows_a_list_where_there_are_several(
     drawn: Callable[..., Layout], rig: dict
 ) -> None:
     """Drawing makes no entry. With one viewer it is the field it was, without Disagreement."""
-    shown = drawn("rig_panel", "VIEW3D_PT_kiriko_rig")
+    shown = drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers")
     assert "viewer" in shown.props
     assert not {"viewers", "disagreement"} & set(shown.props)
     assert {"kiriko.add_viewer", "kiriko.two_eyes", "kiriko.viewer_grid"} <= set(shown.operators)
@@ -629,11 +629,11 @@ def test_the_panel_shows_a_list_where_there_are_several(
     add(camera())
     for number, field in ((0, "viewer"), (1, "camera")):
         ours().viewer_shown = number
-        shown = drawn("rig_panel", "VIEW3D_PT_kiriko_rig")
+        shown = drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers")
         assert {"viewers", "weight", "is_on", "disagreement", field} <= set(shown.props)
         assert {"Kiriko Viewer", "mine"} <= set(shown.texts)
     bpy.data.objects.remove(bpy.data.objects["mine"])
-    assert "No camera" in drawn("rig_panel", "VIEW3D_PT_kiriko_rig").texts
+    assert "No camera" in drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers").texts
 
 
 def test_undo_and_a_file_keep_the_list(kiriko: ModuleType, rig: dict, tmp_path: Path) -> None:

@@ -10,12 +10,19 @@ from small_rigs import cube, inventory, new_object, pixels, primitive, small_rig
 pytestmark = pytest.mark.every_blender
 
 PANELS = (
-    ("checklist_panel", "VIEW3D_PT_kiriko_checklist"),
-    ("solve_panel", "VIEW3D_PT_kiriko_solve"),
+    ("main_panel", "VIEW3D_PT_kiriko_main"),
     ("result_panel", "VIEW3D_PT_kiriko_result"),
-    ("object", "VIEW3D_PT_kiriko_object"),
+    ("result_panel", "VIEW3D_PT_kiriko_details"),
     ("rig_panel", "VIEW3D_PT_kiriko_rig"),
     ("export_panel", "VIEW3D_PT_kiriko_export"),
+    ("export_panel", "VIEW3D_PT_kiriko_more_exports"),
+    ("export_panel", "VIEW3D_PT_kiriko_animation"),
+    ("export_panel", "VIEW3D_PT_kiriko_report"),
+    ("solve_panel", "VIEW3D_PT_kiriko_check"),
+    ("solve_panel", "VIEW3D_PT_kiriko_advanced"),
+    ("viewers_panel", "VIEW3D_PT_kiriko_viewers"),
+    ("calibration_panel", "VIEW3D_PT_kiriko_calibration"),
+    ("calibration_panel", "VIEW3D_PT_kiriko_expected"),
 )
 
 
@@ -115,7 +122,7 @@ def test_the_checklist_names_what_is_missing_and_then_nothing(look, scene, drawn
     """An object with a role alone lacks its parts; a rig of Add Rig can be solved."""
     new_object(primitive("cube", size=0.1), "BLOCKER")
     look()
-    assert "No glass" in " ".join(drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts)
+    assert "No glass" in " ".join(drawn("main_panel", "VIEW3D_PT_kiriko_main").texts)
     assert not bpy.ops.kiriko.solve.poll()
     small_rig(viewer_resolution=32, display_resolution=(32, 32))
     look()

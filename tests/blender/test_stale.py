@@ -223,7 +223,7 @@ def test_a_surface_tells_that_it_is_of_the_rig_as_it_was(
         return found
 
     def is_in_panel() -> bool:
-        return words in " ".join(drawn("rig_panel", "VIEW3D_PT_kiriko_rig").texts)
+        return words in " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers").texts)
 
     rig = surface(name)
     assert not is_old()

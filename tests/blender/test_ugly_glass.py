@@ -81,7 +81,7 @@ def test_letters_and_curves_have_their_true_size(
     texts = " ".join(told(look()))
     assert "flat" not in texts
     assert "Did you mean" not in texts
-    shown = drawn("object", "VIEW3D_PT_kiriko_object", bpy.data.objects[name], bpy.context.scene)
+    shown = drawn("object", "OBJECT_PT_kiriko", bpy.data.objects[name], bpy.context.scene)
     assert "flat" not in " ".join(shown.texts)
 
 
@@ -141,7 +141,7 @@ def test_objects_that_nodes_scatter_are_no_fault_of_the_one_they_are_scattered_o
     texts = " ".join(told(look()))
     assert "flat" not in texts
     assert "isn't glass" not in texts
-    shown = " ".join(drawn("object", "VIEW3D_PT_kiriko_object", grid, bpy.context.scene).texts)
+    shown = " ".join(drawn("object", "OBJECT_PT_kiriko", grid, bpy.context.scene).texts)
     assert "flat" not in shown
     assert "isn't glass" not in shown
     grid.modifiers[0].show_viewport = False  # then it is
@@ -182,10 +182,10 @@ def test_nobody_is_to_press_solve_while_live_is_on(
 ) -> None:
     """It solves by itself."""
     small_rig()
-    assert "Ready: press Solve." in drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
+    assert "Ready: press Solve." in drawn("main_panel", "VIEW3D_PT_kiriko_main").texts
     bpy.ops.kiriko.live()
     try:
-        assert "Ready." in drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
+        assert "Ready." in drawn("main_panel", "VIEW3D_PT_kiriko_main").texts
     finally:
         kiriko.operators.live.stop()
 
@@ -290,7 +290,7 @@ def seen_through(kiriko: ModuleType, drawn: Callable[..., Layout]) -> str:
     live = kiriko.operators.live
     while live.is_on() and live.tick() != live.live_follower.IDLE:
         pass
-    texts = " ".join(drawn("solve_panel", "VIEW3D_PT_kiriko_solve").texts)
+    texts = " ".join(drawn("main_panel", "VIEW3D_PT_kiriko_main").texts)
     return texts[texts.index("Cycles shows the glass") :] if "Cycles shows" in texts else ""
 
 
