@@ -10,7 +10,7 @@ ICONS = {"IN_GLASS": "MATSPHERE", "BEHIND_GLASS": "RESTRICT_VIEW_OFF"}
 
 
 def labels_of(words: str) -> list[str]:
-    """What the buttons of the kinds of rigs say: words, and the kind's name."""
+    """Labels of the buttons that add a rig, one for each kind: `words: kind`."""
     texts = (
         Message("{words}: {kind}", words=as_message(words), kind=as_message(label))
         for _, label, _ in KINDS
@@ -32,10 +32,10 @@ class VIEW3D_MT_kiriko_add(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         add_rig(self.layout, labels_of("Rig"))
-        self.layout.operator("kiriko.add_plate_material", text="Plate Material", icon="MATERIAL")
+        self.layout.operator("kiriko.add_plate_material", icon="MATERIAL")
 
 
 def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """One line in the Add menu."""
+    """Add a line to the Add menu."""
     if context.mode == "OBJECT":
         menu.layout.menu("VIEW3D_MT_kiriko_add", icon="MATSPHERE")

@@ -1,4 +1,4 @@
-"""Calibration: a real bench, from a photograph of the lattice."""
+"""Calibration: find the errors of a real bench by a photograph of the lattice."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from ..operators.calibrate import TELLS, TEXTS
 from ..operators.wrapping import sentence
 from .panel_text import Closed, OfRig, with_labels
 
-MOST = 5  # amounts in the list
+MOST = 5  # errors in the list
 
 
 class VIEW3D_PT_kiriko_calibration(Closed, bpy.types.Panel):
@@ -37,20 +37,10 @@ class VIEW3D_PT_kiriko_calibration(Closed, bpy.types.Panel):
         buttons.enabled = bool(ours.filepath)
         buttons.scale_y = 1.3
         buttons.operator("kiriko.calibrate", icon="TRACKER")
-        if not ours.filepath:
-            text = Message("Choose a photograph of the lattice, or a CSV of its points.")
-            sentence(layout, context, text, icon="INFO")
-
         if ours.offset:
             n = len(Offset.read(ours.offset).sets)
-            text = (
-                Message("An offset is kept: the rig that is solved is not quite where it is drawn.")
-                if n == 1
-                else Message(
-                    "Offsets of {n} calibrations are kept: the rig that is solved is not quite"
-                    " where it is drawn.",
-                    n=n,
-                )
+            text = Message(
+                "Calibrations applied: {n}. The solved rig is slightly off the drawn one.", n=n
             )
             sentence(layout, context, text, icon="INFO")
             row = layout.row(align=True)
@@ -72,9 +62,9 @@ class VIEW3D_PT_kiriko_expected(Closed, bpy.types.Panel):
 
 
 class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
-    """The last calibration's result, and its gaps."""
+    """The result of the last calibration."""
 
-    bl_label = "Found"
+    bl_label = "Measured Errors"
     bl_parent_id = "VIEW3D_PT_kiriko_calibration"
 
     @classmethod
@@ -96,10 +86,7 @@ class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
         sentence(layout, context, text, icon="DRIVER_DISTANCE")
 
         if found["left_out"]:
-            text = Message(
-                "Left out, for they lie far from where the others have them: {points}.",
-                points=", ".join(found["left_out"]),
-            )
+            text = Message("Outliers left out: {points}.", points=", ".join(found["left_out"]))
             sentence(layout, context, text, icon="ERROR")
 
         amounts = sorted(found["amounts"], key=lambda entry: entry["error"] / entry["tolerance"])
@@ -113,15 +100,9 @@ class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
             )
             sentence(layout, context, text, icon="DOT")
 
-        n_told = sum(entry["error"] < TELLS * entry["tolerance"] for entry in amounts)
-        condition = (
-            Message("infinite") if found["condition"] is None else f"{found['condition']:.1g}"
-        )
+        n_measured = sum(entry["error"] < TELLS * entry["tolerance"] for entry in amounts)
         text = Message(
-            "The photograph tells of {n_told} of {n} amounts; condition number {condition}.",
-            n_told=n_told,
-            n=len(amounts),
-            condition=condition,
+            "The photograph measures {n} of {n_all} errors.", n=n_measured, n_all=len(amounts)
         )
         sentence(layout, context, text, icon="INFO")
         if found["extra_photographs"]:
@@ -141,40 +122,26 @@ class VIEW3D_PT_kiriko_not_separated(Closed, bpy.types.Panel):
             sentence(
                 layout,
                 context,
-                Message("Almost alike: {amounts}.", amounts=joined(map(amount_words, group), ", ")),
+                Message(
+                    "Not separable: {amounts}.", amounts=joined(map(amount_words, group), ", ")
+                ),
                 icon="DUPLICATE",
             )
 
         if found["still"]:
             amounts = joined(map(amount_words, found["still"]), ", ")
-            text = Message("Not seen in it: {amounts}.", amounts=amounts)
+            text = Message("Not visible: {amounts}.", amounts=amounts)
             sentence(layout, context, text, icon="HIDE_ON")
 
 
 def advice(found: dict) -> Message:
-    """Other photographs, by how much they would tell."""
+    """The next photograph that would measure most."""
     extra = found["extra_photographs"][0]
-    rows = {entry["name"]: entry for entry in found["amounts"]}
-    gains = sorted((extra["errors"][name] / entry["error"], name) for name, entry in rows.items())
-    words = [
-        Message(
-            "{name} to {error:.2g} instead of {before:.2g} {unit}",
-            name=amount_words(name),
-            error=extra["errors"][name],
-            before=rows[name]["error"],
-            unit=as_message(rows[name]["unit"]),
-        )
-        for _, name in gains[:2]
-    ]
-
-    return Message(
-        "A photograph from {where} would tell most: {amounts}.",
-        where=Sentences.read(extra.get("said", "")).message(extra["where"]),
-        amounts=joined(words, ", "),
-    )
+    where = Sentences.read(extra.get("said", "")).message(extra["where"])
+    return Message("A photograph from {where} would help most.", where=where)
 
 
 def amount_words(name: str) -> Message:
-    """The name of an amount: its part's, which is an artist's, and its kind's."""
+    """The name of an error: that of its part, and its kind."""
     part, _, kind = name.rpartition(": ")
     return Message("{part}: {amount}", part=part, amount=as_message(kind))

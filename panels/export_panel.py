@@ -89,14 +89,14 @@ def _keys(context: bpy.types.Context) -> str:
 
 
 def words_on(size: tuple[int, int], image: tuple[int, int], keys: str) -> Message:
-    """A sentence on a show window of so many pixels, and an image of so many."""
+    """A sentence on a show window and an image, both with their sizes (width, height), px."""
     width, height = image
     if size == image:
         return Message(
             "The window has the image's {width} x {height} pixels.", width=width, height=height
         )
     return Message(
-        "The window has {across} x {down} pixels, the image {width} x {height}: drag the window to"
+        "The window has {across} x {down} pixels, the image {width} x {height}. Drag the window to"
         " the display and press {keys}.",
         across=size[0],
         down=size[1],

@@ -15,6 +15,7 @@ from ..operators.add_rig import KINDS
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
 from .add_menu import add_rig, labels_of
+from .object import CHOOSE
 from .panel_text import Sidebar, have_room, side_by_side
 from .rig_panel import draw_rigs
 
@@ -27,7 +28,6 @@ SOLVE = Message("Ready: press Solve.")
 CHECKING = Message("Checking the glass...")
 EDITED = Message("Checked when you leave Edit Mode.")
 BEFORE = Message("Before you solve:")
-CHOOSE = Message("Choose Your Picture")
 LARGE = 1.4  # scale of the main buttons
 
 
@@ -61,7 +61,7 @@ def draw_first_step(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
         # Blender cuts a label in its middle, and both would read alike
         labels = [in_words(as_message(label)) for _, label, _ in KINDS]
     add_rig(column, labels)
-    layout.operator_menu_enum("kiriko.open_example", "example", text="Examples")
+    layout.operator_menu_enum("kiriko.open_example", "example")
     if work.running():
         draw_progress(layout)
 

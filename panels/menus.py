@@ -1,6 +1,4 @@
-"""Object > Kiriko, with each verb there or a menu deeper: search, shortcuts and Quick Favourites
-find them.
-"""
+"""Object > Kiriko and its submenus: all operators, for search, shortcuts and Quick Favourites."""
 
 import bpy
 
@@ -11,7 +9,7 @@ from .result_panel import VIEW3D_MT_kiriko_result_images
 
 
 class VIEW3D_MT_kiriko(bpy.types.Menu):
-    """Kiriko's verbs."""
+    """All operators, or the submenus with them."""
 
     bl_label = "Kiriko"
 
@@ -46,7 +44,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
 
 
 class VIEW3D_MT_kiriko_parts(bpy.types.Menu):
-    """Verbs that say which image and which materials the parts have."""
+    """Operators that choose images, materials and products."""
 
     bl_label = "Picture and Glass"
 
@@ -62,7 +60,7 @@ class VIEW3D_MT_kiriko_parts(bpy.types.Menu):
 
 
 class VIEW3D_MT_kiriko_fit(bpy.types.Menu):
-    """Verbs that make parts as large as needed, or move them."""
+    """Operators that resize or move parts."""
 
     bl_label = "Fit and Place"
 
@@ -78,7 +76,7 @@ class VIEW3D_MT_kiriko_fit(bpy.types.Menu):
 
 
 class VIEW3D_MT_kiriko_viewers(bpy.types.Menu):
-    """Verbs of the list of viewers."""
+    """Operators on the list of viewers."""
 
     bl_label = "Viewers"
 
@@ -87,7 +85,7 @@ class VIEW3D_MT_kiriko_viewers(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("kiriko.add_viewer", icon="OUTLINER_OB_CAMERA")
         layout.operator("kiriko.two_eyes", icon="CAMERA_STEREO")
-        layout.operator("kiriko.viewer_grid", text="Grid of Viewers", icon="LIGHTPROBE_VOLUME")
+        layout.operator("kiriko.viewer_grid", icon="LIGHTPROBE_VOLUME")
         layout.operator("kiriko.render_pictures", icon="RENDER_STILL")
         layout.operator("kiriko.open_pictures", icon="FILE_FOLDER")
         layout.operator("kiriko.move_viewer")
@@ -95,7 +93,7 @@ class VIEW3D_MT_kiriko_viewers(bpy.types.Menu):
 
 
 class VIEW3D_MT_kiriko_calibration(bpy.types.Menu):
-    """Verbs of a bench that was built."""
+    """Operators for a real bench."""
 
     bl_label = "Calibration"
 
@@ -110,7 +108,7 @@ class VIEW3D_MT_kiriko_calibration(bpy.types.Menu):
 
 
 class VIEW3D_MT_kiriko_export(bpy.types.Menu):
-    """Verbs that write files, and the window for the display."""
+    """Operators that write files, and the show window."""
 
     bl_label = "Export"
 
@@ -140,7 +138,7 @@ SUBMENUS = (
 
 
 def draw_in_object(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """The last line of the Object menu."""
+    """Add the last line of the Object menu."""
     menu.layout.separator()
     menu.layout.menu("VIEW3D_MT_kiriko", icon="MATSPHERE")
 
@@ -155,5 +153,5 @@ def draw_in_export(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 def draw_in_help(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """A line of the Help menu."""
+    """Add a line to the Help menu."""
     menu.layout.operator("kiriko.open_manual", text="Kiriko Manual", icon="HELP")

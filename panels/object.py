@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.base.messages import Message, as_message
+from ..core.base.messages import Message, as_message, as_sentence
 from ..core.blender.checks.chosen_product import (
     display_product,
     glass_product,
@@ -10,9 +10,8 @@ from ..core.blender.checks.chosen_product import (
     plate_product,
 )
 from ..core.blender.checks.inspect_scene import has_own_faces, is_flat, sides_of
-from ..core.blender.data.bodies import bodiless
+from ..core.blender.data.bodies import bodiless, no_part
 from ..core.blender.data.camera_viewer import frame_of
-from ..core.blender.read.elements import DEFAULT_IOR
 from ..core.blender.read.plane import image_of
 from ..core.blender.read.scene_picture import UNREADABLE
 from ..core.blender.result.result_images import images_of
@@ -22,6 +21,7 @@ from ..operators.telling import in_words
 from ..operators.wrapping import sentence
 from .panel_text import with_labels
 
+CHOOSE = Message("Choose Your Picture")
 PRODUCTS = {
     "GLASS": ("kiriko.glass_preset", lambda _, thing: glass_product(thing)),
     "DISPLAY": ("kiriko.display_preset", display_product),
@@ -81,14 +81,12 @@ def draw_object(
     why = bodiless(thing)
     if why and ours.role == "NONE":
         if thing.type != "CAMERA":
-            text = Message("It can't be part of the rig: {why}.", why=why)
-            sentence(layout, context, text, icon="INFO")
+            sentence(layout, context, as_sentence(why), icon="INFO")
         return
 
     layout.prop(ours, "role")
     if why:
-        text = Message("Set the role to None: {why}.", why=why)
-        sentence(layout, context, text, icon="ERROR")
+        sentence(layout, context, no_part(thing), icon="ERROR")
         return
 
     _draw_role(layout, context, thing)
@@ -137,10 +135,7 @@ def _draw_glass(
     ours = thing.kiriko
     found = index_in_use(thing)
     if found is not None and not ours.use_ior:
-        ior, name = found
-        text = Message("{ior:.4f} (default)", ior=ior)
-        if name:
-            text = Message("{ior:.4f} from '{material}'", ior=ior, material=name)
+        text = index_words(*found)
         labelled(layout, "IOR").label(text=in_words(text), translate=False)
     row = layout.row(heading="Override IOR")
     row.prop(ours, "use_ior", text="")
@@ -149,19 +144,26 @@ def _draw_glass(
     layout.prop(ours, "priority")
 
     if has_own_faces(context.scene, thing) and is_flat(sides_of(context.scene, thing)):
-        text = Message("It is flat. Add a Solidify modifier, or set the role to None.")
+        text = Message("'{name}' is flat. Glass needs a thickness.", name=thing.name)
         sentence(layout, context, text, icon="ERROR")
     if can_be_given(thing) and not ours.use_ior:
-        text = Message("Its material isn't glass: an index of {ior} is used.", ior=DEFAULT_IOR)
+        text = Message("The material of '{name}' isn't glass.", name=thing.name)
         sentence(layout, context, text, icon="ERROR")
         layout.operator("kiriko.make_glass", icon="MATSPHERE")
+
+
+def index_words(ior: float, material: str, source: str = "default") -> Message:
+    """An index of refraction, and its material, or its source if it has none."""
+    if material:
+        return Message("{ior:.4f} from '{material}'", ior=ior, material=material)
+    return Message("{ior:.4f} ({source})", ior=ior, source=as_message(source))
 
 
 def _draw_picture(layout: bpy.types.UILayout, picture: bpy.types.Object) -> None:
     """The image in use. A menu offers the others, which the plane is fitted to."""
     image = image_of(picture)
     row = labelled(layout, "Image")
-    name = in_words(Message("Choose Image")) if image is None else image.name
+    name = in_words(CHOOSE) if image is None else image.name
     menu = VIEW3D_MT_kiriko_images.bl_idname
     row.menu(menu, text=name, translate=False, icon="IMAGE_DATA")
     layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")

@@ -8,18 +8,15 @@ from ..operators.telling import in_words
 
 
 class KIRIKO_preferences(bpy.types.AddonPreferences):
-    """Buttons: nothing is set here, and no asset library is added unasked."""
+    """The manual, and the asset library, which only its button adds."""
 
     bl_idname = __package__.rpartition(".")[0]
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.operator("kiriko.open_manual", icon="HELP")
         path = preset.library_path()
-        self.layout.label(text="Plate materials for Cycles, in the asset browser:")
         if path:
-            self.layout.label(
-                text=in_words(Message("In your asset libraries: {path}", path=path)),
-                icon="CHECKMARK",
-            )
+            text = Message("Plate materials for Cycles: {path}", path=path)
+            self.layout.label(text=in_words(text), icon="CHECKMARK")
         else:
             self.layout.operator("kiriko.add_asset_library", icon="ASSET_MANAGER")

@@ -29,14 +29,13 @@ CORNER = (80.0, 100.0)  # px at a scale of 1, from the lower left: above Blender
 
 
 class DrawnSurface(NamedTuple):
-    """A surface that is drawn: its name, the quantity of its colours, the heading of its legend,
-    the same where the rig has changed since, and how a value is written there.
+    """A drawn surface: its name, the quantity of its colours, the heading of its legend, and the
+    function that writes a value there.
     """
 
     name: str
     quantity: str
     heading: Message
-    heading_if_old: Message
     text: Callable[[float], str]
 
 
@@ -45,14 +44,12 @@ SURFACES = (
         RANGE,
         "brightness",
         Message("Visible range: brightness"),
-        Message("Visible range, of the rig as it was: brightness"),
         percent,
     ),
     DrawnSurface(
         EYE_BOX,
         DISPLACEMENT,
         Message("Eye box: the picture is off by"),
-        Message("Eye box, of the rig as it was: the picture is off by"),
         arcmin,
     ),
 )
@@ -118,11 +115,9 @@ def draw_legend() -> None:
 
 def heading_of(scene: bpy.types.Scene, surface: DrawnSurface) -> Message:
     """The heading of a surface's legend."""
-    return (
-        surface.heading_if_old
-        if watch.is_reported_outdated(scene, surface.name)
-        else surface.heading
-    )
+    if watch.is_reported_outdated(scene, surface.name):
+        return Message("{heading} (outdated)", heading=surface.heading)
+    return surface.heading
 
 
 def _with_alpha(colours: Floats, alpha: float) -> NDArray[np.float32]:

@@ -8,11 +8,13 @@ from ..core.base.messages import Message, as_message, joined
 from ..core.base.numbers import number
 from ..core.base.words import percent, pixels, shares_in_words
 from ..core.blender.data.stored_records import Sentences, StoredNumbers
+from ..core.blender.read.elements import DEFAULT, OVERRIDE
 from ..core.blender.result.result_images import images_of, lacks_numbers
 from ..core.solve.legibility import READABLE
 from ..operators import live, needed, proposal, watch, work
 from ..operators.telling import in_words
 from ..operators.wrapping import MARGIN, sentence
+from .object import index_words
 from .panel_text import OfRig
 
 WHOLE = 0.999  # share of the picture, above which no remedy is offered
@@ -210,14 +212,12 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
         draw_forecast(layout, context, details)
         draw_white(layout, context, details)
         for read in details["materials"]:
-            sentence(layout, context, index_words(read, said), icon="MATERIAL")
+            sentence(layout, context, material_words(read, said), icon="MATERIAL")
 
         draw_work(layout, details)
-        text = Message("Used: {parts}.", parts=joined(map(said.message, details["used"]), ", "))
-        sentence(layout, context, text)
-        parts = joined(map(said.message, details["left_out"]), ", ")
-        text = Message("Left out: {parts}.", parts=parts)
-        sentence(layout, context, text)
+        if details["left_out"]:
+            parts = joined(map(said.message, details["left_out"]), ", ")
+            sentence(layout, context, Message("Left out: {parts}.", parts=parts))
 
 
 def draw_shares(layout: bpy.types.UILayout, details: dict) -> None:
@@ -243,17 +243,12 @@ def draw_white(layout: bpy.types.UILayout, context: bpy.types.Context, details: 
         sentence(layout, context, text, icon="LIGHT")
 
 
-def index_words(read: dict, said: Sentences) -> Message:
-    """The index that was read of a glass."""
-    is_default = read["source"] == "default"
-    where = "" if is_default else Message(" of '{material}'", material=read["material_name"])
-    return Message(
-        "{name}: index {ior:.4f} ({source}{where})",
-        name=read["object_name"],
-        ior=read["ior"],
-        source=said.message(read["source"]),
-        where=where,
-    )
+def material_words(read: dict, said: Sentences) -> Message:
+    """The index of a glass in the solve, and its material if it is that one's."""
+    has_own = read["source"] not in {DEFAULT, OVERRIDE}
+    material = read["material_name"] if has_own else ""
+    words = index_words(read["ior"], material, said.message(read["source"]))
+    return Message("{part}: {amount}", part=read["object_name"], amount=words)
 
 
 def draw_work(layout: bpy.types.UILayout, details: dict) -> None:
@@ -269,8 +264,4 @@ def draw_work(layout: bpy.types.UILayout, details: dict) -> None:
     column.label(text=in_words(Message("Rays: {rays}", rays=details["rays"])))
     if details.get("glare"):
         share = percent(details["glare"]["share"])
-        column.label(text=in_words(Message("Light beside the glass: {share}", share=share)))
-
-    if details.get("tessellation_error"):
-        error = pixels(details["tessellation_error"])
-        column.label(text=in_words(Message("Tessellation: {error}", error=error)))
+        column.label(text=in_words(Message("Glare: {share}", share=share)))

@@ -10,7 +10,6 @@ from ..operators.part_verbs import name_part
 from .object import PRODUCTS, draw_product, labelled
 from .panel_text import OfRig, with_labels
 
-
 NAME = 7.0  # units of Blender's interface, the width of a rig's name in the panel's head
 
 

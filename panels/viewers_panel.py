@@ -4,12 +4,10 @@ from typing import Any
 
 import bpy
 
-from ..core.base.messages import Message, quoted
+from ..core.base.messages import Message
 from ..core.base.numbers import number
 from ..core.blender.data.camera_viewer import (
     camera_at,
-    frame_of,
-    frame_of_render,
     number_shown,
     own_images,
     seats_of,
@@ -52,7 +50,7 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
         text = in_words(Message("No camera")) if camera is None else camera.name
         shown = "ERROR" if camera is None else "NONE"  # where the weight needs the room
         name.label(text=text, icon=shown, translate=False)
-        # where all have one, it would take the names' room and tell nothing
+        # an icon on every line would say nothing
         if item.image is not None and are_some_missing(context.scene):
             name.label(text="", icon="IMAGE_DATA")
         weight = name.row(align=True)
@@ -61,9 +59,10 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
 
 
 def are_some_missing(scene: bpy.types.Scene) -> bool:
-    """Has a viewer who is on no image of its own, where each should have one?"""
-    is_asked = scene.kiriko.picture_source == "IMAGE"
-    return is_asked and any(seat.image is None for seat in seats_of(scene))
+    """Do some viewers lack an image of their own that they need?"""
+    return scene.kiriko.picture_source == "IMAGE" and any(
+        seat.image is None for seat in seats_of(scene)
+    )
 
 
 class VIEW3D_MT_kiriko_scenes(bpy.types.Menu):
@@ -114,28 +113,16 @@ def draw_frame(column: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
     draw_resolution(column, context, viewer)
     if scene.camera != viewer:
-        camera = scene.camera
-        shown = Message("no camera") if camera is None else quoted([camera.name])
-        text = Message("Numpad 0 shows {shown}, not '{viewer}'.", shown=shown, viewer=viewer.name)
+        text = Message("Numpad 0 doesn't show '{viewer}'.", viewer=viewer.name)
         sentence(column, context, text, icon="INFO")
         switch = column.operator(
-            "wm.context_set_id", text="Make It the Scene's Camera", icon="OUTLINER_OB_CAMERA"
+            "wm.context_set_id", text="Set as Scene Camera", icon="OUTLINER_OB_CAMERA"
         )
         switch.data_path, switch.value = "scene.camera", viewer.name
-        return
-
-    shown = frame_of_render(scene.render)
-    if not frame_of(viewer, scene.render).has_shape_of(shown):
-        text = Message(
-            "Numpad 0 shows it in the shape of the render, {width} x {height} px.",
-            width=shown.size[0],
-            height=shown.size[1],
-        )
-        sentence(column, context, text, icon="INFO")
 
 
 def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The viewer; the list and the chosen one's camera where there are several."""
+    """The viewer, or the list of several with the camera of the chosen one."""
     ours = context.scene.kiriko
     listed = ours.viewers
     if len(listed):
@@ -157,7 +144,7 @@ def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def draw_images(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The picture in the viewers' own pixels: of all of them, and the chosen one's own."""
+    """The picture in the viewers' own pixels: the shared image, and that of the chosen viewer."""
     ours = context.scene.kiriko
     if len(bpy.data.scenes) > 1:
         layout.menu(VIEW3D_MT_kiriko_scenes.bl_idname, icon="RENDER_STILL")
@@ -166,14 +153,14 @@ def draw_images(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     shared = layout.column()
     shared.active = not own_images(context.scene)
-    shared.template_ID(ours, "picture_image", open="image.open", text="Of All")
+    shared.template_ID(ours, "picture_image", open="image.open", text="Shared")
     chosen = ours.viewers[number_shown(context.scene)]
     layout.template_ID(chosen, "image", open="image.open", text="Own Image")
     layout.operator("kiriko.open_pictures", icon="FILE_FOLDER")
 
 
 def draw_more(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Buttons that make several viewers of one, and how their disagreement is settled."""
+    """Buttons that add viewers, and the way their disagreement is settled."""
     ours = context.scene.kiriko
     if len(ours.viewers):
         layout.prop(ours, "disagreement")
@@ -195,7 +182,7 @@ def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
     column = layout.column(align=True)
     text = Message(
-        "Within {limit} arcmin the head of '{viewer}' may go:",
+        "Within {limit} arcmin, the head of '{viewer}' may move:",
         limit=number(box["limit"]),
         viewer=box["viewer"],
     )
@@ -210,37 +197,33 @@ def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def draw_if_old(layout: bpy.types.UILayout, context: bpy.types.Context, name: str) -> None:
-    """A sentence where the rig is another than a surface was made for."""
+    """A sentence if the rig has changed since a surface was made."""
     if watch.is_reported_outdated(context.scene, name):
         text = Message(
-            "The scene has changed since '{label}' looked at it: press it again.",
+            "{label} is outdated: press it again.",
             label=LABELS[name],
         )
         sentence(layout, context, text, icon="ERROR")
 
 
 class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
-    """What each of several viewers sees of the last result, the worst first."""
+    """The last result as each of several viewers sees it, the worst first."""
 
     bl_label = "Seen By"
     bl_parent_id = "VIEW3D_PT_kiriko_result"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(told_of(context))
+        return bool(reported_on(context))
 
     def draw(self, context: bpy.types.Context) -> None:
-        for one in told_of(context):
+        for one in reported_on(context):
             sentence(self.layout, context, viewer_reports.of_viewer(one), icon="OUTLINER_OB_CAMERA")
-        conflict = told_of(context, "conflict")
+        conflict = reported_on(context, "conflict")
         if conflict:
             text = viewer_reports.of_conflict(conflict)
             sentence(self.layout, context, text, icon="IMAGE_DATA")
-        # of edges on the picture's plane, for which it is solved anew
-        if any(one.get("largest_px") is not None for one in told_of(context)):
-            text = Message("Report tells how sharp each sees it, Sharp and Blended")
-            sentence(self.layout, context, text, icon="BLANK1")
-        pair = told_of(context, "two_eyes")
+        pair = reported_on(context, "two_eyes")
         if pair:
             depth, *more = viewer_reports.of_pair(context.scene, pair)
             sentence(self.layout, context, depth, icon="CAMERA_STEREO")
@@ -249,12 +232,12 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
             if viewer_reports.is_tiring(pair):
                 text = viewer_reports.tiring(pair)
                 sentence(self.layout, context, text, icon="ERROR")
-        why = told_of(context, "no_pair")
+        why = reported_on(context, "no_pair")
         if why:
             text = Sentences.read(context.scene.kiriko.result.sentences).message(why)
             sentence(self.layout, context, text, icon="INFO")
 
 
-def told_of(context: bpy.types.Context, name: str = "viewers") -> Any:
-    """What the last result tells of each of several viewers, or of two eyes; None for nothing."""
+def reported_on(context: bpy.types.Context, name: str = "viewers") -> Any:
+    """An entry of the last result on several viewers or two eyes; None if there is none."""
     return StoredNumbers.read(context.scene.kiriko.result.details).by_name.get(name)

@@ -1,10 +1,11 @@
-"""Counts the clicks from selected glass to a picture that is seen, and to a file for the display.
+"""Counts the clicks from selected glass to a visible picture and to an exported file, and checks
+that the main buttons stay in place.
 
-Plays the whole way in the real Blender, by events of mouse and keys, and looks at the result: the
-picture is seen when the viewport shows the viewer's sight and the source image is final; it is
-exported when the file is there. Counted are the events that were sent, without those by which a
-hand that cannot read looks for a place. Ends with 1 where a way takes more clicks than it may,
-where its steps are not as many as its clicks, or where one is not possible.
+Plays each way in the real Blender, by events of mouse and keys. The picture is visible when the
+viewport shows the viewer's view and the source image is final; it is exported when the file exists.
+The count leaves out the events that search for a button. Ends with 1 if a way takes more clicks
+than allowed, if its clicks and its steps differ, if a step is impossible, or if a main button moves
+in any state of the checklist, of Live or of Solve.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def main() -> None:
     for name, way in ways.items():
         told = accounts[name]
         clicks = told["n_clicks"]
-        is_more |= is_over(name, way, told)
+        is_more |= is_over(name, way, told) | has_moved(name, told["places"])
         print(
             f"{name:<30} {clicks:>6} {way.at_most:>8} {len(told['keys']):>5}"
             f" {told['scrolls']:>8} {told['seconds']:>9.1f}  {', '.join(told['clicks'])}"
@@ -52,6 +53,19 @@ def is_over(name: str, way: Way, told: dict) -> bool:
     if clicks > way.at_most:
         print(f"{name}: {clicks} clicks, and at most {way.at_most}.", file=sys.stderr)
     return clicks != named or clicks > way.at_most
+
+
+def has_moved(name: str, places: dict[str, dict[str, int]]) -> bool:
+    """Does a measured button have different places in different states? Prints them."""
+    moved = False
+    for button in next(iter(places.values()), {}):
+        found = {state: edges[button] for state, edges in places.items()}
+        if len(set(found.values())) > 1:
+            moved = True
+            print(f"{name}: {button} moves: {found}.", file=sys.stderr)
+    if places and not moved:
+        print(f"{name}: no main button moves in {len(places)} states: {', '.join(places)}.")
+    return moved
 
 
 if __name__ == "__main__":

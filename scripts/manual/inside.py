@@ -42,6 +42,7 @@ def play_all(names: list[str], folder: Path, language: str) -> Iterator[float]:
             "n_clicks": player.n_clicks,
             "keys": player.keys,
             "scrolls": player.scrolls,
+            "places": player.places,
             "seconds": player.seconds,
         }
         (folder / f"{name}.account.json").write_text(json.dumps(account), encoding="utf-8")

@@ -20,7 +20,20 @@ import bpy
 
 from manual import scenes
 from manual.grab import SHOT, glance, grab, look
-from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Still, Tab, Unfold, Until
+from manual.steps import (
+    Choose,
+    Do,
+    Key,
+    Measure,
+    Open,
+    Press,
+    Shot,
+    Step,
+    Still,
+    Tab,
+    Unfold,
+    Until,
+)
 
 STEP = 11  # px between two places at which the mouse asks for a button; buttons are 20 px high
 # of a region's width: whole rows, icons at their ends, thirds; the file browser's last button
@@ -49,6 +62,7 @@ class Player:
         self.keys: list[str] = []
         self.sent: Counter[str] = Counter()  # presses that were put into the window's queue
         self.searches: Counter[str] = Counter()  # those of them that only looked for a place
+        self.places: dict[str, dict[str, int]] = {}  # px, by state and button
         self.scrolls = 0
         self.seconds = 0.0  # that it had to wait for Kiriko
         self.x = self.y = 100
@@ -163,6 +177,16 @@ class Player:
             return
         self.event("LEFTMOUSE")
         yield BREATH
+
+    def measure(self, step: Measure) -> Iterator[float]:
+        """Go up from each button until the mouse has left it."""
+        found = self.places[step.state] = {}
+        for button in step.buttons:
+            yield from self.find(button, "VIEW_3D", "UI")
+            while re.search(button, self.under_mouse("VIEW_3D", "UI")):
+                yield from self.move(self.x, self.y + 1)
+                yield 2 * MOMENT
+            found[plain(button)] = self.y
 
     def open_menu(self) -> Iterator[float]:
         """Click, and wait until a menu is seen: keys that come before it are lost."""
@@ -333,9 +357,9 @@ class Player:
     def play(self, steps: list[Step]) -> Iterator[float]:
         """All steps of a play, one after the other."""
         of_kind = {
-            Press: self.press, Tab: self.tab, Unfold: self.unfold, Key: self.key,
-            Choose: self.choose, Open: self.open, Until: self.until, Still: self.still,
-            Shot: self.shot,
+            Press: self.press, Measure: self.measure, Tab: self.tab, Unfold: self.unfold,
+            Key: self.key, Choose: self.choose, Open: self.open, Until: self.until,
+            Still: self.still, Shot: self.shot,
         }  # fmt: skip
         for step in steps:
             if isinstance(step, Do):

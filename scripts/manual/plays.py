@@ -7,7 +7,21 @@ import re
 from dataclasses import dataclass
 
 from environments import ROOT
-from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Still, Tab, Unfold, Until, does
+from manual.steps import (
+    Choose,
+    Do,
+    Key,
+    Measure,
+    Open,
+    Press,
+    Shot,
+    Step,
+    Still,
+    Tab,
+    Unfold,
+    Until,
+    does,
+)
 
 # the name of a language's texts in languages/
 LANGUAGE = {"ja": "ja_JP"}
@@ -46,7 +60,6 @@ LOOK = does("kiriko.look_through")
 SOLVE = does("kiriko.solve")
 EXPORT = does("kiriko.export")
 DISPLAY = named("Kiriko Display")
-RESOLUTION = rf"^{DISPLAY}\.kiriko\.resolution"
 TWO_EYES = does("kiriko.two_eyes")
 EYE_BOX = does("kiriko.eye_box")
 CALIBRATE = does("kiriko.calibrate")
@@ -54,10 +67,11 @@ PICTURE = does("kiriko.open_picture")
 TAKE_FILE = Press(does("file.execute"), area="FILE_BROWSER", region="EXECUTE")
 SIDEBAR = [Key("N"), Tab("Kiriko")]
 OWN_PICTURE = [Press(PICTURE), Open("seaside.png"), TAKE_FILE, Until("has_seaside")]
-DISPLAY_CHOSEN = Press(f"{does('kiriko.select_part')}{DISPLAY}")
+DISPLAY_LINE = f"{does('kiriko.select_part')}{DISPLAY}"
+DISPLAY_CHOSEN = Press(DISPLAY_LINE)
+DISPLAY_PRODUCT = Press(DISPLAY_LINE, up=-0.8)
 IPHONE = [
-    DISPLAY_CHOSEN,
-    Press(RESOLUTION, up=1),
+    DISPLAY_PRODUCT,
     Choose("kiriko.display_preset", "iPhone 15"),
     Until("is_telephone"),
 ]
@@ -110,8 +124,7 @@ TELEPHONE: list[Step] = [
     Press(BEHIND_THE_GLASS),
     Until("has_rig"),
     Shot("telephone_rig", of="*"),
-    DISPLAY_CHOSEN,
-    Press(RESOLUTION, up=1),
+    DISPLAY_PRODUCT,
     Shot("telephone_product", of="*", stays=True),
     Choose("kiriko.display_preset", "iPhone 15"),
     Until("is_telephone"),
@@ -135,7 +148,8 @@ BENCH: list[Step] = [
     Press(IN_THE_GLASS),
     Until("has_rig"),
     DISPLAY_CHOSEN,
-    Shot("bench_display", of="*", at=RESOLUTION),
+    Shot("bench_display", of="*", at=DISPLAY_LINE),
+    Unfold("VIEW3D_PT_kiriko_more_exports"),
     Shot("bench_drawing", of="VIEW_3D", region="UI", at=does("kiriko.bench_drawing")),
 ]
 
@@ -145,7 +159,7 @@ VIEWERS: list[Step] = [
     *SIDEBAR,
     Press(IN_THE_GLASS),
     Until("has_rig"),
-    Unfold("VIEW3D_PT_kiriko_rig"),
+    Unfold("VIEW3D_PT_kiriko_viewers"),
     Press(TWO_EYES),
     Shot("viewers_list", of="VIEW_3D", region="UI", at=TWO_EYES),
     Press(EYE_BOX),
@@ -159,9 +173,8 @@ CALIBRATION: list[Step] = [
     *SIDEBAR,
     Press(IN_THE_GLASS),
     Until("has_rig"),
-    Unfold("VIEW3D_PT_kiriko_lattice"),
-    Shot("calibration_lattice", of="VIEW_3D", region="UI", at=does("kiriko.lattice_picture")),
     Unfold("VIEW3D_PT_kiriko_calibration"),
+    Shot("calibration_lattice", of="VIEW_3D", region="UI", at=does("kiriko.lattice_picture")),
     Shot("calibration_photograph", of="VIEW_3D", region="UI", at=CALIBRATE),
 ]
 
@@ -236,11 +249,48 @@ TASKS = {
             Until("is_seen"),
             *EXPORTED,
         ],
-        11,
+        10,
     ),
 }
 
-WAYS = {**COUNTED, **TASKS}
+LIVE = does("kiriko.live")
+
+
+def steady(state: str) -> Measure:
+    """The main buttons, which no state may move."""
+    return Measure(state, (SOLVE, LIVE, LOOK, PICTURE))
+
+
+STEADY = {
+    "steady: default cube": Way(
+        [
+            *SIDEBAR,
+            Press(IN_THE_GLASS),
+            Until("has_rig"),
+            steady("no glass"),
+            Press(does("kiriko.make_glass")),
+            Still(2.0),
+            steady("too large"),
+            Press(does("kiriko.rescale_scene")),
+            Still(2.0),
+            steady("ready"),
+            Press(LIVE),
+            steady("Live works"),
+            Until("is_up_to_date", 400),
+            steady("Live is up to date"),
+            Press(LIVE),
+            steady("Live is off"),
+            Press(SOLVE),
+            steady("Solve works"),
+            Until("is_solved", 400),
+            Until("is_quiet", 400),
+            steady("solved"),
+        ],
+        7,
+    ),
+}
+
+WAYS = {**COUNTED, **TASKS, **STEADY}
 # for a comparison with the screen (shown.py)
 SHOWN: list[Step] = [
     Do("ball"),

@@ -93,7 +93,7 @@ def small_display() -> None:
 
 
 def show_window() -> None:
-    """As its button does: it is in a panel of a panel, whose header Blender does not tell."""
+    """Run the operator of its button, which is in a closed panel."""
     bpy.ops.kiriko.show_window("INVOKE_DEFAULT")
 
 

@@ -23,7 +23,15 @@ class Press:
     button: str
     area: str = "VIEW_3D"
     region: str = "UI"
-    up: int = 0  # rows above the button that matches: Blender names no menu under the mouse
+    up: float = 0  # rows above the button that matches: Blender names no menu under the mouse
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Note the upper edges of buttons of the sidebar, px, in a state of this name."""
+
+    state: str
+    buttons: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -108,4 +116,4 @@ class Shot:
     height: float = 1.0  # share of the height, from the top
 
 
-Step = Press | Tab | Unfold | Key | Choose | Open | Until | Still | Do | Shot
+Step = Press | Measure | Tab | Unfold | Key | Choose | Open | Until | Still | Do | Shot

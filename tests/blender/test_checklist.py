@@ -99,7 +99,7 @@ def test_glass_around_the_viewer_is_reported_before_solve_refuses_it(
     bpy.context.view_layer.update()
     words = f"The viewer 'Kiriko Viewer' is inside the glass '{glass.name}': move it out."
     assert words in told(look())
-    texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
+    texts = drawn("main_panel", "VIEW3D_PT_kiriko_main").texts
     assert not [text for text in texts if text.startswith("Ready")]
     glass.scale = (1, 1, 1)
     bpy.context.view_layer.update()

@@ -52,7 +52,7 @@ def test_a_picture_shows_what_is_solved(drawn, scene):
     assert "mine" in drawn("object", "OBJECT_PT_kiriko", picture).texts
     assert "mine" in drawn(*main).labels
     texture.image = None
-    assert "Choose Image" in drawn("object", "OBJECT_PT_kiriko", picture).texts
+    assert "Choose Your Picture" in drawn("object", "OBJECT_PT_kiriko", picture).texts
     scene.kiriko.result.source = bpy.data.images.new("made", 8, 8)
     offered = drawn("object", "VIEW3D_MT_kiriko_images").labels
 
@@ -122,7 +122,7 @@ def test_a_glass_shows_the_index_in_use(drawn, scene):
     bpy.ops.kiriko.solve()
     details = drawn("result_panel", "VIEW3D_PT_kiriko_details").texts
     assert "'Kiriko Glass'" in " ".join(details)
-    assert "index 1.5000" in " ".join(details)
+    assert "1.5000 from" in " ".join(details)
     glass.kiriko.use_ior = True
     assert reported() == ([], True)
 
@@ -352,7 +352,7 @@ def test_all_of_the_picture_is_accounted_for(drawn, scene):
         told = " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts)
         assert f"The display shows {percent(share)} of the picture" in told
         assert ("missed the plate" in told) == (round(1 - share, 6) > 0)
-        assert "Tessellation: under 0.001 px" in shown
+        assert "mesh under 0.001 px" in told
 
 
 def menu_verbs(drawn: Callable[..., Layout]) -> list[str]:
@@ -518,11 +518,11 @@ def test_what_has_no_surface_is_offered_no_role(drawn):
         thing = new_object(block)
         shown = drawn("object", "OBJECT_PT_kiriko", thing)
         assert "role" not in shown.props
-        assert "it has no surface" in " ".join(shown.texts)
+        assert "t has no surface" in " ".join(shown.texts)
         thing.kiriko.role = "GLASS"
         shown = drawn("object", "OBJECT_PT_kiriko", thing)
         assert "role" in shown.props
-        assert "Set the role to None" in " ".join(shown.texts)
+        assert "Set its role to None" in " ".join(shown.texts)
 
 
 def test_opaque_glass_has_a_button_that_makes_it_glass(drawn):

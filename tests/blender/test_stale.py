@@ -186,7 +186,7 @@ def test_what_leaves_the_source_image_as_it_is_does_not_count(watch, rig, change
 
 
 SURFACES = {"visible_range": "Kiriko Visible Range", "eye_box": "Kiriko Eye Box"}
-AS_IT_WAS = ", of the rig as it was: "
+OUTDATED = " (outdated)"
 
 
 @pytest.fixture
@@ -213,13 +213,13 @@ def test_a_surface_tells_that_it_is_of_the_rig_as_it_was(
     range_view = loaded("panels.range_view")
     legend = next(one for one in range_view.SURFACES if one.name == SURFACES[name])
     label = {"visible_range": "Visible Range", "eye_box": "Eye Box"}[name]
-    words = f"since '{label}' looked at it: press it again"
+    words = f"{label} is outdated: press it again."
 
     def is_old() -> bool:
         bpy.context.view_layer.update()
         watch.tick()
         found = watch.is_reported_outdated(bpy.context.scene, SURFACES[name])
-        assert (AS_IT_WAS in range_view.heading_of(bpy.context.scene, legend)) == found
+        assert (OUTDATED in range_view.heading_of(bpy.context.scene, legend)) == found
         return found
 
     def is_in_panel() -> bool:
