@@ -3,8 +3,8 @@
 A ray meets point(u, v) where the part of point(u, v) - origin across the ray is 0. Newton's method
 starts at the ray engine's hit on the bounding shell. A root beyond an edge can only lie on the
 neighbour: the search restarts there. Near a turning point the matrix is singular: such rays do not
-converge, and count as misses. If a root is on the impossible side, the other root is searched:
-first along the ray's own course on the face, then from many places on the faces around.
+converge, and count as misses. A root on the impossible side starts a search for the other root:
+first along the ray's own course on the face, then from many places around.
 """
 
 from dataclasses import dataclass
@@ -21,24 +21,23 @@ from .quartics import TO_BEZIER, cross, product, tangents, value_and_slopes
 
 @dataclass(frozen=True)
 class RootOptions:
-    """Options of the root search; the kernel's curved.c has the same numbers.
-
-    Tuned on grazing rays and short chords (tests/core/test_curved.py, "Silhouettes"), and for time.
+    """Options of the root search, tuned on grazing rays and short chords
+    (tests/core/test_curved.py, "Silhouettes"), and for time. The kernel's curved.c has the same
+    numbers.
 
     Parameters
     ----------
     iterations : of Newton's method
     patience, hopeless : after so many steps a ray is given up if its step in u, v is larger
-    converged : step in u, v at the end: the remaining error is below the step's square
+    converged : last step in u, v: the remaining error is below its square
     longest_step : in u, v
-    aside : in u, v: a root further than this beyond an edge is searched on the next face
+    aside : in u, v: a root further beyond an edge is searched on the next face
     walks : most faces a search may visit
     last_walks : the same if all faces near the ray are tested anyway
-    corner_turns : most faces around a corner of a face, in each direction, searched for another
-        root
+    corner_turns : most faces searched around a corner, in each direction
     starts : u, v where the search of a face starts
-    few_starts : number of them used for a ray without a root: most often there is none
-    searched_at_once : rays per batch of the search around, with 50 roots each
+    few_starts : number of starts for a ray without a root: most often there is none
+    searched_at_once : rays in a batch of the search around, with 50 roots each
     course_step : step in u, v along the ray's course over a face, to measure its turn
     """
 
@@ -136,8 +135,8 @@ def _follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Ro
 class _NewtonSearch:
     """Newton's method on the part of point(u, v) - origin across rays, face by face.
 
-    Rays step together, although one may be on its third face and another on its first: a step of
-    few takes nearly as long as one of many. Steps and range are limited.
+    Rays step together, whichever face each is on: a step of few takes nearly as long as one of
+    many. Steps and range are limited.
     """
 
     def __init__(self, faces: CurvedFaces, spots: Spots, lines: RayLines) -> None:
@@ -170,7 +169,7 @@ class _NewtonSearch:
     def step_over(self, some: Ints, walks: int) -> Ints:
         """Move rays to the next face if their root is beyond an edge, or the search far beyond it.
 
-        some: rays done with their faces; walks: most faces a ray may visit. Returns the moved rays.
+        some: rays done with their faces; walks: most faces for a ray. Returns the moved rays.
         """
         u, v = self.u[some], self.v[some]
         outside = _outside(u, v)
@@ -282,10 +281,10 @@ def find_roots(
 
     Parameters
     ----------
-    leaves : (n,) the ray comes from inside, so only hits from behind are possible; None: from
-        either side. If a root is on the other side, the root before or after it is searched, except
-        for rays that have just left the surface, with a root nearer than `least`, m
-    is_last : all faces near the ray are tested anyway, so the faces around are not searched
+    leaves : (n,) the ray comes from inside and can hit from behind only; None: from either side.
+        For a root on the other side, the root before or after it is searched, except for rays just
+        leaving the surface, with a root nearer than `least`, m
+    is_last : all faces near the ray are tested anyway: do not search around
     """
     walks = ROOTS.last_walks if is_last else ROOTS.walks
     found = follow(faces, spots, lines, walks)
@@ -297,7 +296,7 @@ def find_roots(
         is_odd = found.is_met & (found.enters == leaves)
         return np.flatnonzero(is_odd & (leaves | (found.distance > least)))
 
-    # first equally far on the other side of the point where the ray touches the surface
+    # first equally far beyond the point where the ray touches the surface
     lost = np.flatnonzero(~found.is_met)
     odd = find_odd()
     if len(odd):
@@ -311,8 +310,8 @@ def find_roots(
         odd = odd[found.distance[odd] > least]
 
     if not is_last and len(odd) + len(lost):
-        # light on its way in meets a front before the back just found; inside, the back is further
-        # on; a grazing ray without a root may still meet the surface, though most do not
+        # light on its way in meets a front before this back; inside, the back is further on; a
+        # grazing ray without a root may still meet the surface, though most do not
         wrong = found.distance[odd]
         around = _Around(
             rays=np.append(odd, lost),

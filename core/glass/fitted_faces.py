@@ -115,8 +115,8 @@ def gradients(
 def system(
     v: Vertices, fields: Fields, some: Ints, pairs: Ints, ridge: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Weighted rows (n, 3m, terms) of heights and slopes, their weights, the matrix of the normal
-    equations, and heights (n, m).
+    """Weighted rows (n, 3m, terms) of heights and slopes, their weights, the normal equations'
+    matrix, and heights (n, m).
 
     Only the last len(ridge) terms are used. Across a rim two rings determine a cubic at most: a
     quartic through their heights and slopes follows from the next ring's own (Simpson's rule), so
@@ -173,13 +173,13 @@ def field_steps(v: Vertices, wanted: Bools) -> Steps[Fields]:
 class FaceOptions:
     """Limits of fitted faces against their mesh (docs/decisions/02-curved-faces.md).
 
-    Tuned by `dev.py irregular` on decimated and bevelled meshes, whose long sides next to a bevel
-    would dip by a millimetre, and by `dev.py bench`.
+    Tuned by `dev.py bench`, and `dev.py irregular` on decimated and bevelled meshes, whose long
+    sides next to a bevel would dip by a millimetre.
 
     Parameters
     ----------
-    steps : of a fixed point, each gains two orders: the same for all faces, or neighbours would not
-        meet; the kernel's fit.c has the same
+    steps : of a fixed point, each gains two orders: the same for all, or neighbours would not meet;
+        also in the kernel's fit.c
     least_cosine : between the normals of a curved face and its facet's: 60 degrees
     swollen : multiple of the sag of an arc with the turn of the normals: a face beyond it follows a
         bevel next to it
@@ -199,8 +199,8 @@ def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
     """Offsets (12, 3, n) of the nodes of triangles with corners (n, 3), from the facet to the
     blended fields.
 
-    All fields are intersected along one direction, blended from the corners' normals: along
-    different ones they would differ sideways by the third power of the edge, which costs an order.
+    All fields are intersected along one direction, blended from the corners' normals: with several
+    they would differ sideways by the third power of the edge, which costs an order.
     """
     weight = NODES**2 / (NODES**2).sum(axis=1, keepdims=True)
     if loading.library() is not None:

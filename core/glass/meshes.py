@@ -38,8 +38,7 @@ class Edges:
 
     first, second : (e,) triangle indices
     corner_first, corner_second : (e,) corner at which the edge starts in each
-    is_same_way : (e,) both run along the edge in the same direction, so one of them is wound the
-        wrong way
+    is_same_way : (e,) both run along the edge in the same direction: one is wound the wrong way
     n_open : edges with one triangle or more than two
     """
 
@@ -74,13 +73,13 @@ def find_edges(triangles: Ints) -> Edges:
 
 
 def box_of(corners: Floats) -> Floats:
-    """Lower and upper corner (2, 3) of the axis-aligned box of triangles with corners (t, 3, 3)."""
+    """Lower and upper corner (2, 3) of the bounding box of triangles (t, 3, 3)."""
     x_y_z = np.ascontiguousarray(corners.reshape(-1, 3).T)  # five times as fast as along the rows
     return np.stack([x_y_z.min(axis=1), x_y_z.max(axis=1)])
 
 
 def boxes_of(corners: Floats) -> Floats:
-    """Lower and upper corners (t, 2, 3) of the axis-aligned box of each triangle (t, 3, 3)."""
+    """Lower and upper corners (t, 2, 3) of the bounding box of each triangle (t, 3, 3)."""
     by_corner = transpose_rows(corners)
     return np.stack([of.reduce(by_corner) for of in (np.minimum, np.maximum)]).transpose(2, 0, 1)
 

@@ -51,9 +51,8 @@ def size_of(mesh: Mesh) -> tuple[float, float]:
     """Length of a mesh, m, unchanged by motions, and its `loss`: one mesh can be another after a
     motion only if their lengths differ by at most both losses.
 
-    The length is the distance from the mean of all vertices to the furthest one. If each component
-    of each vertex is off by `allowed` of `find_motion`, the length is off by 2 sqrt(3) times as
-    much.
+    The length is the distance from the mean of all vertices to the furthest one. If vertices are
+    off by `allowed` of `find_motion` in each component, it is off by 2 sqrt(3) times as much.
     """
     from_mean = mesh.vertices - mesh.vertices.mean(axis=0)
     loss = 4 * (PRODUCT_ROUNDING * np.abs(mesh.vertices).max() + 4 * mesh.rounding)

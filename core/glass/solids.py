@@ -80,9 +80,8 @@ def split_shells(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
 
 
 def _joined_orientations(edges: Edges, n: int) -> tuple[Ints, Ints]:
-    """Components of a graph with two nodes a triangle, as drawn (n,) and flipped (n,). Each node is
-    joined with the nodes of neighbours facing the same way; returns the lowest node of its
-    component.
+    """Components of a graph with two nodes a triangle, as drawn (n,) and flipped (n,), joined to
+    the nodes of neighbours facing the same way: the lowest node of each component.
     """
     other = np.where(edges.is_same_way, n, 0)
     a = np.r_[edges.first, edges.first + n]

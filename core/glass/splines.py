@@ -3,9 +3,9 @@
 The limit of a grid of quads is a bicubic spline, and Blender puts vertices on it. Lines of edges
 are therefore cubic splines with knots two edges apart or more. Seven places along a line, with
 knots next to the middle one, are on such a spline if one sum of their fourth differences is 0: d_-1
-- 4 d_0 + d_1. The derivatives at all seven follow from the places. Derivatives along a line are
-splines along the crossing lines, which gives the mixed derivatives. Each quad is exactly the
-bicubic of these data at its corners, for any cage.
+- 4 d_0 + d_1. The derivatives at all seven follow. Derivatives along a line are splines along the
+crossing lines, which gives the mixed derivatives. Each quad is exactly the bicubic of these data at
+its corners, for any cage.
 """
 
 from dataclasses import dataclass

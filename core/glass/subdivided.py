@@ -1,11 +1,11 @@
 """Exact limit surface of a subdivided mesh around poles, and wherever its quads form no grid.
 
-Blender puts vertices on the limit surface of Subdivision. The control points follow from them;
-divided twice, they give places and normals at the nodes of curved faces. The control points also
-show whether a mesh was subdivided at all. If it was, each point on an edge is a quarter of the sum
-of four: two on the faces next to it, and the coarser ones at its ends, which follow from the points
-around them. Other meshes never satisfy this, whichever points are taken for edge points, except
-fine and smooth ones: there all choices come close, and none is accepted.
+Blender puts vertices on the limit surface of Subdivision. Control points follow from them; divided
+twice, they give places and normals at the nodes of curved faces. Control points also show whether a
+mesh was subdivided at all. If so, each point on an edge is a quarter of the sum of four: two on the
+faces next to it, and the coarser ones at its ends, which follow from the points around them. Other
+meshes never satisfy this for any choice of edge points, except fine, smooth ones: there all choices
+come close, and none is accepted.
 
 Masks of the limit by Halstead, Kass and DeRose, "Efficient, fair interpolation using Catmull-Clark
 surfaces" (1993): a vertex of n neighbours goes to (n^2 c + 4 sum of neighbours + sum of the corners

@@ -6,7 +6,7 @@ corners, blended, are sampled at the nodes of a quartic triangle: 12 offsets fro
 edge only the fields of its two ends count, so neighbours meet without a crack. Edges to flat faces,
 and sharp ones, stay straight.
 
-If a mesh has only the means of its faces' normals, normals are fitted to its vertices first.
+If the mesh only has means of face normals, normals are fitted to its vertices first.
 """
 
 from dataclasses import dataclass, replace
@@ -44,21 +44,21 @@ from .vertices import Vertices, find_vertices, with_second_ring
 class NormalOptions:
     """Fit of normals to vertices, and limits for their use (docs/decisions/02-curved-faces.md).
 
-    Tuned by `dev.py irregular` on uneven, noisy, decimated and bevelled meshes: if vertices lie on
+    Tuned by `dev.py irregular` on uneven, noisy, decimated and bevelled meshes: with vertices on
     the surface, chords contradict found normals by 0.001 of the turn and less.
 
     Parameters
     ----------
-    sweeps, settled : at most so many, an even number, and the change of normals at which they end
-    restless : fraction of the turn to a neighbour: normals with a larger change in the last sweep
-        do not settle
-    moved : fraction of the turn: found normals further from the mean have to prove themselves
+    sweeps, settled : largest number, even, and the change of normals that ends them
+    restless : fraction of the turn to a neighbour: normals that change more in the last sweep do
+        not settle
+    moved : fraction of the turn: normals further from the mean have to prove themselves
     straight : fraction of the turn: largest contradiction by chords to neighbours; noise and rims
         add to it
-    gentle : rad, to a neighbour: sharper turns are not fitted again with stiffer fields, which
-        leave out too much there: coarse balls, tori and ellipsoids get worse
+    gentle : rad, to a neighbour: sharper turns are not refitted with stiffer fields, which omit too
+        much there: coarse balls, tori and ellipsoids get worse
     bulge : rad: edges with less turn cannot bulge enough to matter
-    jump : a curvature that grows by this factor from one edge to the next, across a vertex, ...
+    jump : a curvature grown by this factor from one edge to the next, across a vertex, ...
     shorter : ... on an edge shorter by this factor, means normals of a bevel, not of the face next
         to it
     straight_on : cosine between an edge and its continuation
@@ -80,15 +80,14 @@ NORMALS = NormalOptions()
 
 
 def normal_steps(v: Vertices, wanted: Bools, exact: Floats) -> Steps[Floats]:
-    """Normals (f, 3) of the surface through the vertices, if the given ones are only means of the
-    faces around.
+    """Normals (f, 3) of the surface through the vertices, if the given ones are only means.
 
     exact : (f, 3) normals found elsewhere, NaN without one
 
     The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme:
     fourth order from one ring). Sweeps make slopes agree with neighbours' slopes; each at least
-    halves the error. On uneven neighbours they may let it grow: slopes there are fitted again with
-    stiffer fields, while the accepted ones are held. At a rim, where the mean is of the last faces
+    halves the error. On uneven neighbours the error may grow: these slopes are refitted with
+    stiffer fields, while accepted ones are held. At a rim, where the mean is of the last faces
     alone, slopes follow from two rings of neighbours: third order.
     """
     is_held = ~np.isnan(exact[:, 0])
@@ -215,8 +214,8 @@ def _settle_normal_steps(
 def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
     """Pairs (p,) with normals that turn as on a bevel, on the large face next to it.
 
-    Curvature changes little from one edge to the next one straight on. If it jumps up on a much
-    shorter edge, the normal between them belongs to the short edge.
+    Curvature changes little from an edge to its continuation. If it jumps up on a much shorter
+    edge, the normal between them belongs to the short edge.
     """
     away = take(v.at, v.end) - take(v.at, v.start)
     length = length_of(away)
@@ -373,7 +372,7 @@ class _FittedNormals(NamedTuple):
 
 
 def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Steps[_FittedNormals]:
-    """Vertices with fitted normals if the given ones are means; `wanted` are the triangles they
+    """Vertices, with fitted normals if the given ones are means; `wanted` are the triangles they
     fit.
     """
     requested = wanted

@@ -3,7 +3,7 @@
 A cell is a small polygon on the viewer's image together with its image on the display. A quad with
 a folded image, as at a caustic, counts as the two triangles on either side of a diagonal: the
 signed sum of its parts would lose overlapping area. A triangle squeezed to a line or a point has no
-area to divide in proportion to, so it gets a width well above rounding errors.
+area to divide, so it gets a width well above rounding errors.
 """
 
 from functools import reduce

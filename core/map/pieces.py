@@ -1,15 +1,15 @@
 """Quads and triangles of a view map, made when shares are needed, with squares around samples.
 
-A sample represents all light of its stratum, but has one landing only. If samples land far apart,
-and from all over the view, a display pixel would show the colours of the few that happen to land in
-it, or nothing. So each lights a square around its landing, wide enough for several of them to light
-each place: a density estimate by nearest neighbours (Loftsgaarden and Quesenberry 1965; Silverman
-1986, chapter 5). Light moves by half a width at most, and none is lost.
+A sample represents all light of its stratum, but has one landing. If samples land far apart, and
+from all over the view, a display pixel would show the colours of the few that happen to land in it,
+or nothing. So each lights a square around its landing, wide enough for several to light each place:
+a density estimate by nearest neighbours (Loftsgaarden and Quesenberry 1965; Silverman 1986, chapter
+5). Light moves by half a width at most, and none is lost.
 
-If samples land close together and come from close together, as through facets with parts of the
-picture side by side, their colours must not be mixed. The variance of their places on the view
-shows this: it is less within small blocks of the display than in large ones there, but equal if
-light is mixed. In such blocks, and where hardly any land, each sample lights the pixel it lands in.
+Samples that land close together and come from close together, as through facets with parts of the
+picture side by side, must not mix their colours. The variance of their places on the view shows
+this: it is less within small blocks of the display than in large ones there, but equal if light is
+mixed. In such blocks, and where hardly any land, each sample lights only its pixel.
 """
 
 from functools import lru_cache

@@ -1,8 +1,8 @@
 """Division of cells among display pixels: area in each pixel, and place on the viewer's image.
 
 A walk around the outline of a cell's image gives the area of the cell in each pixel, with its first
-and second moments, hence its centroid and extent. The inverse of the cell's map takes these back to
-the viewer's image.
+and second moments, hence its centroid and extent. The inverse of the cell's map takes these to the
+viewer's image.
 
 In each row of pixels every edge adds the area on its left to the pixels it passes, and its height
 in full to the pixels further left. Edges going up subtract as much as edges going down add: the sum
@@ -10,11 +10,11 @@ over the closed outline is the area inside, pixel by pixel, and no polygon is cl
 over edges of x^(k+1) / (k+1) y^m dy, Green's theorem. Font rasterisers accumulate areas along rows
 in the same way. The tests compare with clipping, in fractions.
 
-Areas on the display are exact up to rounding, 1e-12 px^2 or better for cells of moderate size. A
-cell's area on the viewer's image is divided in proportion to the area on the display: exact for
-triangles and parallelograms, right to first order in the cell's size otherwise. The part of a cell
-beyond the display's border is left out. A cell squeezed to a line or point gives its whole area to
-the pixels it lies in.
+Areas on the display are exact up to rounding, 1e-12 px^2 or better for cells of moderate size.
+Areas on the viewer's image are divided in proportion to them: exact for triangles and
+parallelograms, right to first order in the cell's size otherwise. The part of a cell beyond the
+display is left out. A cell squeezed to a line or point gives its whole area to the pixels it lies
+in.
 
 A quad's image is bilinear in (s, t), both in -1/2..1/2: p = centre + s a + t b + s t c. With (s0,
 t0) the solution for c = 0, the product k = s t solves the quadratic equation k = (s0 - k cx) (t0 -
@@ -57,10 +57,11 @@ PARTS_AT_ONCE = 1 << 16  # pixels of cells, for the same reason
 def divided(
     display_size: tuple[int, int], lots: Sequence[tuple[Floats, Floats]], is_numbered: bool
 ) -> Iterator[tuple[int, Divided]]:
-    """Shares of lots of cells, a few at a time, with the number of the lot, and the cell of each
-    share if requested. Lots are polygons (n, k, 2) on the viewer's image and on the display.
+    """Shares of lots of cells, a few at a time, with the number of the lot, and of each share's
+    cell if requested.
 
-    The kernel's other threads start with this call, before the first shares are requested.
+    Lots are polygons (n, k, 2) on the viewer's image and on the display. The kernel's other threads
+    start with this call, before the first shares are requested.
     """
     if all(native_divide.can_divide(*lot) for lot in lots):
         return native_divide.divided(display_size, lots, SHARES_AT_ONCE, is_numbered)
@@ -79,8 +80,8 @@ class Bilinear(NamedTuple):
 def cell_from_display(x: Floats, y: Floats, total: Floats) -> Floats:
     """Coefficients (8, c) from a point on the display to (s, t) in the cell.
 
-    A quad is p = centre + s a + t b + s t c with s, t in -1/2..1/2, a triangle p = corner + s a + t
-    b. Six coefficients invert the part without c, two are c in that frame.
+    A triangle is p = corner + s a + t b, a quad as in the head of this file. Six coefficients
+    invert the part without c, two are c in that frame.
     """
     if len(x) == 3:
         px = x[0]
@@ -135,9 +136,6 @@ def on_view(
 ) -> tuple[Floats, Floats]:
     """Viewer's u, v of points x, y on the display, clamped to the cell: rounding must not move
     slivers out of it.
-
-    With (s0, t0) the solution for c = 0, the product k = s t solves k = (s0 - k cx)(t0 - k cy), a
-    quadratic equation.
     """
     s_x, s_y, s_1, t_x, t_y, t_1, cx, cy = inverse
     s = s_x * x + s_y * y + s_1
@@ -472,12 +470,12 @@ def _cut(edges: EdgeParts, slope_y: Floats, is_left: Ints | tuple[()]) -> EdgePa
 
 def sums(n_columns: Ints, pieces: EdgeParts) -> Moments:
     """Signed area (n,) of the cell in each pixel of its rows, and its moments of x, y, x^2, x y and
-    y^2.
+    y^2 from the pixel's upper left corner.
 
-    These count from the pixel's upper left corner. Green's theorem: each is a sum of x^(k+1) /
-    (k+1) y^m dy over the outline. Edges in the pixel count with their own x, edges further left
-    with 0, edges further right with 1. As dy sums to 0 along a row, and y^m dy too, the last group
-    is minus the cover: the sum up to and including the pixel.
+    Green's theorem: each is a sum of x^(k+1) / (k+1) y^m dy over the outline. Edges in the pixel
+    count with their own x, edges further left with 0, edges further right with 1. As dy sums to 0
+    along a row, and y^m dy too, the last group is minus the cover: the sum up to and including the
+    pixel.
     """
     n = int(n_columns.sum())
     pixel, xa, ya, xb, yb = pieces

@@ -6,17 +6,17 @@ would have no end there. Cells whose light falls on faint parts of the display t
 and all samples of a cell count alike. On the display each lights a square (pieces.py).
 
 A display pixel shows the mean of its light, estimated from the samples that land in it. Few land
-where light is spread thin, whatever the picture shows there: this is most of the error of a glass
-that spreads light over the whole display. Let b be the light on a part of the display, relative to
-the viewer's image spread evenly over all of it. The variance a cell adds to all display pixels is
-the mean of 1 / b^2 over its light, divided by its samples. For a total number of samples it is
-least if the number in each cell is proportional to the root of this mean (Neyman 1934).
+where light is spread thin: this is most of the error of a glass that spreads light over the whole
+display. Let b be the light on a part of the display, relative to the viewer's image spread evenly
+over all of it. The variance a cell adds to all display pixels is the mean of 1 / b^2 over its
+light, divided by its samples. For a total number of samples it is least if each cell's number is
+proportional to the root of this mean (Neyman 1934).
 
 A cell's number of samples must not depend on its own samples, or the estimate is biased: a cell
-that has met a faint place by chance would average it away, and light would be lost. So viewer
-pixels are coloured as a chessboard is, and cells of one colour are rated by samples of the other,
-both where light goes around them and how much there is on the display. Each cell's light is then
-right on average, for any rule.
+with a chance hit on a faint place would average it away, and light would be lost. So viewer pixels
+are coloured as a chessboard is, and cells of one colour are rated by samples of the other, both
+where light goes around them and how much there is on the display. Each cell's light is then right
+on average, for any rule.
 """
 
 from collections.abc import Generator, Iterator
@@ -39,8 +39,7 @@ from .view_map import QUADS_AT_ONCE, ViewMap
 BLOCK_PX = 8  # display px, side of the blocks on which light is summed up
 TIMES = (1.0, 1.5)  # ratios of further samples to the first ones, along a pixel's side
 MOST_ALONG = 12  # further samples along a pixel's side
-# smallest chaotic share of the view for further samples: below it they are not worth the time to
-# sum up light
+# least chaotic share of the view worth the time to sum up light for further samples
 LEAST_SHARE = 0.001
 
 # pixels of the other colour, at most two columns and rows away
@@ -103,12 +102,12 @@ def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
 def samples_worth(
     plan: Plan, light: Floats, points: Points, area: Floats, owner: Ints, middle: Floats
 ) -> Generator[int, None, Floats]:
-    """Number of samples (m,) for a viewer pixel worth taking in chaotic cells with middles (m, 2),
-    viewer px. With pauses.
+    """Samples (m,) for a viewer pixel worth taking in chaotic cells with middles (m, 2), viewer px;
+    with pauses.
 
     light : (b,) of all but the samples, on blocks, viewer px^2
-    points, area, owner : the samples (s,) of the cells, the area, viewer px^2, each represents
-        evenly, and its cell's number
+    points, area, owner : samples (s,) of the cells, the area, viewer px^2, each represents, and its
+        cell's number
     """
     viewer, display = plan.viewer, plan.rig.display
     size = (display.width, display.height)
@@ -270,8 +269,8 @@ def strata(corners: Floats, along: int, seed: int = 0) -> tuple[Floats, Floats]:
     (s,), viewer px.
 
     A pixel has `along` strata along its side, a smaller cell its part of them, or one. Places
-    within a stratum are the same in each solve, for a view of any size: noise that changed with the
-    smallest step would flicker. Another seed has others.
+    within a stratum are the same in each solve, for a view of any size: changing noise would
+    flicker. Another seed has others.
     """
     places = [np.empty((0, 2))]
     area = [np.empty(0)]

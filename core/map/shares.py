@@ -35,12 +35,12 @@ class Shares:
     ----------
     display_size, view_size : (width, height), px
     display_index : (n,) int32 or int64, row * width + column on the display, row 0 at the top
-    view_xy : (n, 2) float64, viewer px, centroid on the viewer's image. Double precision: a share
-        may be a thousandth of a pixel wide, and single precision resolves only 2e-4 px at 4096.
+    view_xy : (n, 2) float64, viewer px, centroid on the viewer's image. A share may be a thousandth
+        of a pixel wide; single precision resolves only 2e-4 px at 4096.
     covariance : (3, n) float32, viewer px^2: xx, xy and yy of the share's points on the viewer's
-        image, evenly spread: its extent in each direction
-    area : (n,) float64, viewer px^2, area on the viewer's image
-    display_area : (n,) float64, display px^2, area on the display
+        image, evenly spread
+    area : (n,) float64, viewer px^2, on the viewer's image
+    display_area : (n,) float64, display px^2, on the display
     throughput : (n,) float64, or None if it is 1 everywhere
     path : (n,) uint64, path of the light, or None if not requested
     """

@@ -4,8 +4,8 @@ Nodes are numbered row by row from the upper left corner, a quarter of the squar
 
 A quad is bilinear, the cell biquartic: n parts a side leave an error that falls as 1 / n^2. A
 display pixel takes one colour from each quad in it, so quads are also smaller than display pixels,
-by the number of places. With the tolerance alone they were too large: a colour from one or two
-places costs more in the source image than the whole map's error.
+by the number of places. With the tolerance alone a colour would come from one or two places, and
+cost more in the source image than the whole map's error.
 """
 
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ from .points import bounds_of
 NODES_ALONG = 5  # nodes along a side: quartics
 PARTS = NODES_ALONG - 1  # a cell's side in steps between nodes
 COLUMN, ROW = (axis.ravel() for axis in np.meshgrid(np.arange(NODES_ALONG), np.arange(NODES_ALONG)))
-# The interpolation has its largest error where x (x - 1) ... (x - 4) is largest, as a fraction of
-# the side. The first two places differ in x only, in which the error is odd: errors along x and y
-# do not cancel at both. The others find features within a cell, most often the edges of the mesh's
-# faces, anywhere between the nodes not covered by the first.
+# The interpolation error is largest where x (x - 1) ... (x - 4) is, as a fraction of the side. The
+# first two places differ in x only, in which the error is odd: errors along x and y do not cancel
+# at both. The others find features within a cell, mostly the edges of the mesh's faces, anywhere
+# between the nodes not covered by the first.
 _WORST = 0.3555671 / PARTS
 CHECKS = np.array(
     [[_WORST, _WORST], [1 - _WORST, _WORST], [0.4, 0.9], [0.62, 0.6], [0.11, 0.63], [0.9, 0.87]]
 )
 # The error of a quartic is the largest value of the product, 3.63, times the fifth derivative / 5!.
-# Fifth differences are unknown: where the map is steep, next to grazing rays, they were found to be
-# up to three times the fourth.
+# Fifth differences are unknown: where the map is steep, next to grazing rays, they were up to three
+# times the fourth.
 QUARTIC = 3 * 3.6314 / 120
 DIFFERENCE_2 = np.array([1.0, -2.0, 1.0])
 DIFFERENCE_4 = np.array([1.0, -4.0, 6.0, -4.0, 1.0])

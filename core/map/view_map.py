@@ -191,11 +191,10 @@ class MapError:
     rms, percentile : display px, the latter of 99.9 % of the area; over the area on the display by
         both map and rays
     facet_limited, unresolved : fractions of the area, 0..1, with an error above the tolerance, or
-        on the display by only one of both. The first is on pixels with corners on one branch, where
-        the map bends within a pixel, most often because of the mesh's facets; the second on all
-        others
+        on the display by only one of both. The first: in pixels with corners on one branch, where
+        the map bends within a pixel, mostly at the mesh's facets. The second: in all others
     facet_error, unresolved_error : rms of the finite errors there, display px
-    cut_off : part of `unresolved` whose rays meet more surfaces than are allowed
+    cut_off : part of `unresolved` whose rays meet more surfaces than allowed
     sampled : fraction with chaotic light, shown by samples
     noise : part of `unresolved`, the standard error of the samples: 1 / sqrt n of `sampled`, with n
         samples a pixel
@@ -228,13 +227,13 @@ class ViewMap:
     points : traced, with viewer px and display px
     corner, size, nodes : (c, 2), (c,), (c, 25) smooth cells: upper left corner and side, viewer px,
         indices of points
-    quads, triangles : (q, 4), (t, 3) indices of points, in order, the upper left one of quads
-        first: whole pixels and quarters of them, and other pieces of pixels
+    quads, triangles : (q, 4), (t, 3) indices of points, in order, quads from the upper left one:
+        whole pixels and quarters, and other pieces of pixels
     samples, sample_area, sample_reach : (s,) in chaotic light: indices of points; the area, viewer
         px^2, each represents; side of its stratum, viewer px
     reason : (h + 1, w + 1) of Reason, at the corners of the viewer's pixels, or of the nearest node
     tolerance : display px
-    unchecked : (p, 4) corners of the finest pixels, in order, until `error` is measured; None then
+    unchecked : (p, 4) corners of the finest pixels, in order; None once `error` is measured
     n_rays : rays traced
     """
 
