@@ -105,22 +105,28 @@ def triangles_of_boxes(boxes: Floats) -> Floats:
 
 
 def compile_plan(
-    rig: Rig, settings: Settings, mesh_cache: MeshCache | None = None, aside: tuple[int, ...] = ()
+    rig: Rig,
+    settings: Settings,
+    mesh_cache: MeshCache | None = None,
+    deferred: tuple[int, ...] = (),
 ) -> Plan:
     """Check a rig and compile it, as `compile_plan_steps`."""
     rig.check()
-    return run_steps(compile_plan_steps(rig, settings, mesh_cache, aside))
+    return run_steps(compile_plan_steps(rig, settings, mesh_cache, deferred))
 
 
 def compile_plan_steps(
-    rig: Rig, settings: Settings, mesh_cache: MeshCache | None = None, aside: tuple[int, ...] = ()
+    rig: Rig,
+    settings: Settings,
+    mesh_cache: MeshCache | None = None,
+    deferred: tuple[int, ...] = (),
 ) -> Steps[Plan]:
     """Compile a checked rig into a plan.
 
     Parameters
     ----------
     cache : solids and layers of an earlier plan, reused if unchanged
-    aside : numbers of glasses to leave out until a ray comes near; tracing such a ray raises
+    deferred : numbers of glasses to leave out until a ray comes near; tracing such a ray raises
         rays.DeferredObjectError
 
     Raises
@@ -129,9 +135,11 @@ def compile_plan_steps(
         One sentence on the fault of the rig.
     """
     mesh_cache = mesh_cache or MeshCache()
-    boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
+    deferred_boxes = grown(
+        np.array([rig.glasses[i].mesh.bounds for i in deferred]).reshape(-1, 2, 3)
+    )
     parts = RigParts(
-        (yield from read_solids(rig, mesh_cache, aside)), read_thin_surfaces(rig, mesh_cache)
+        (yield from read_solids(rig, mesh_cache, deferred)), read_thin_surfaces(rig, mesh_cache)
     )
     solids = [solid.surface for solid in parts.solids]
 
@@ -142,13 +150,13 @@ def compile_plan_steps(
     yield 0
     media = make_media(parts.solids, touch, settings.wavelength)
     layers = yield from _make_layers(parts, media, touch, mesh_cache)
-    thin_parts = _thin_parts_getter(parts, boxes_aside, mesh_cache)
+    thin_parts = _thin_parts_getter(parts, deferred_boxes, mesh_cache)
     key = f"plane of {parts.sheets[-1].key}, {rig.display.width} x {rig.display.height}"
     plane = mesh_cache.get(key, lambda: display_plane(rig.display, parts.surfaces[-1]))
     mesh_cache.forget()
     yield 0
 
-    is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
+    is_clear = find_clear(parts.surfaces, parts.kind, deferred_boxes) & (plane is not None)
     features = _features(parts, layers, media, is_clear, settings)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
     by_display = boxes_touch(boxes, NEAR * merge_distance)[-1, : len(solids)]
@@ -166,14 +174,14 @@ def compile_plan_steps(
         layers=layers,
         thin_parts=thin_parts,
         display=PlannedDisplay(int(parts.starts[-2]), plane, bool(by_display.any())),
-        aside=DeferredObjects(aside, boxes_aside),
+        deferred=DeferredObjects(deferred, deferred_boxes),
         merge_distance=merge_distance,
         used=tuple(name for name, is_used in features.items() if is_used),
         left_out=(
             *(name for name, is_used in features.items() if not is_used),
             *(
                 Message("'{glass}' (no light comes near it)", glass=rig.glasses[i].name)
-                for i in aside
+                for i in deferred
             ),
         ),
         counts=parts.counts(rig),
@@ -221,16 +229,16 @@ def _make_layers(
 
 
 def _thin_parts_getter(
-    parts: RigParts, boxes_aside: Floats, mesh_cache: MeshCache
+    parts: RigParts, deferred_boxes: Floats, mesh_cache: MeshCache
 ) -> Callable[[], ThinParts]:
     """A function that returns the triangles and the boxes (a, 2, 3) of deferred glass, for
     near-miss tests.
     """
-    walls = triangles_of_boxes(boxes_aside)
-    number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
-    aside = fingerprint(walls)
+    walls = triangles_of_boxes(deferred_boxes)
+    number = np.repeat(np.arange(len(deferred_boxes)), 12)  # each box is a patch and a part
+    deferred = fingerprint(walls)
     made = "+".join([*(solid.key for solid in parts.solids), *(one.key for one in parts.sheets)])
-    packing = mesh_cache.get(f"packing of {made}+{aside}", Packing)
+    packing = mesh_cache.get(f"packing of {made}+{deferred}", Packing)
 
     def find() -> ThinParts:
         corners = parts.joined("corners")
@@ -241,7 +249,7 @@ def _thin_parts_getter(
             packing,
         )
 
-    return mesh_cache.get("boxes of " + "+".join([*parts.keys, aside]), lambda: cache(find))
+    return mesh_cache.get("boxes of " + "+".join([*parts.keys, deferred]), lambda: cache(find))
 
 
 def _features(

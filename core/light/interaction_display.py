@@ -66,7 +66,7 @@ def give_reasons(
     A ray that met neither glass nor plate has missed the glass, which comes first on its path. A
     ray that met the display needs no plate if all light is followed, and no glass unless the
     settings require it. A plate is only missed in a rig that needs one. Light without a picture
-    lands beside the image or the glass so that the map can be cut there.
+    may land outside the image or past the glass, so the map can be cut there.
 
     Parameters
     ----------

@@ -234,9 +234,9 @@ def _point_to_tables(made: Made, plan: Plan) -> None:
     made.point("open_part", np.array([part.number for part in plan.open_parts]), np.int64)
     open_boxes = np.array([part.box for part in plan.open_parts]).reshape(-1, 2, 3)
     made.point("open_box", open_boxes, float)
-    made.point("deferred_box", plan.aside.boxes, float)
+    made.point("deferred_box", plan.deferred.boxes, float)
     made.point("display_uv", plan.rig.display.mesh.uv, float)
-    made.set(n_open=len(plan.open_parts), n_deferred=len(plan.aside.boxes))
+    made.set(n_open=len(plan.open_parts), n_deferred=len(plan.deferred.boxes))
 
 
 # element types read by the kernel; NULL for others
@@ -391,7 +391,7 @@ class Kernel:
 
         paths = RecordedPaths.none(n, n_events) if has_paths else None
 
-        is_reached = np.zeros(len(plan.aside.boxes), np.uint8)
+        is_reached = np.zeros(len(plan.deferred.boxes), np.uint8)
         made = state_of(rays, paths, is_reached)
         is_unready = made.point("is_unready", np.zeros(1, np.uint8), np.uint8)
         of_plan = made_of(plan)
@@ -433,7 +433,7 @@ class Kernel:
         yield from prepare_steps(plan)
         n = len(edges.start)
         rays = Rays(np.zeros((n, 3)), np.zeros((n, 3)), edges.course, is_recorded=False)
-        is_reached = np.zeros(len(plan.aside.boxes), np.uint8)
+        is_reached = np.zeros(len(plan.deferred.boxes), np.uint8)
         state = state_of(rays, None, is_reached)
         is_unready = state.point("is_unready", np.zeros(1, np.uint8), np.uint8)
 

@@ -223,7 +223,7 @@ class Plan:
     layers: tuple[PlannedLayer, ...]
     thin_parts: Callable[[], ThinParts]
     display: PlannedDisplay
-    aside: DeferredObjects
+    deferred: DeferredObjects
     merge_distance: float
     used: tuple[str, ...]
     left_out: tuple[str, ...]

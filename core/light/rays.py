@@ -169,7 +169,7 @@ PlateLight = Literal["imaged", "folded", "reflected"]
 
 class DeferredObjectError(Exception):
     """A ray comes near deferred glass, which is not in the plan; `boxes` has its numbers in
-    `plan.aside`.
+    `plan.deferred`.
     """
 
     def __init__(self, boxes: set[int]) -> None:

@@ -49,7 +49,7 @@ def find_thin_surfaces(surfaces: list[Surface], kind: Ints) -> Ints:
     return sheet
 
 
-def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
+def find_clear(surfaces: list[Surface], kind: Ints, deferred: Floats) -> Bools:
     """Whether the rig, except the display, lies on one side of each plate: (p, 2) none in front of
     its normal, none behind.
 
@@ -59,7 +59,7 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
     for i in np.flatnonzero(kind == Kind.PLATE):
         normal = surfaces[i].normals[0]
         others = [s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY]
-        boxes = np.concatenate([np.stack(others), aside])
+        boxes = np.concatenate([np.stack(others), deferred])
 
         # extent of the boxes along the normal; a curved face stays well within half its facet's
         # size
@@ -211,11 +211,11 @@ def _moved(key: str, made: list[Surface], motion: Motion, mesh_cache: MeshCache)
     )
 
 
-def read_solids(rig: Rig, mesh_cache: MeshCache, aside: tuple[int, ...]) -> Steps[list[Solid]]:
-    """All solids of a rig, except glasses with numbers in `aside`."""
+def read_solids(rig: Rig, mesh_cache: MeshCache, deferred: tuple[int, ...]) -> Steps[list[Solid]]:
+    """All solids of a rig, except glasses with numbers in `deferred`."""
     solids = []
     for number, glass in enumerate(rig.glasses):
-        if number in aside:
+        if number in deferred:
             continue
 
         key, made, motion = yield from mesh_cache.get_solids(glass.mesh)

@@ -137,7 +137,7 @@ def find_first_hits(
     for search in searches:
         search.end(found)
 
-    if plan.aside.glasses:
+    if plan.deferred.glasses:
         _keep_clear(plan, origins[found], directions[found], first.distance[found])
 
     came_in = sides.gap_distance < first.distance
@@ -148,7 +148,7 @@ def find_first_hits(
 def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Floats) -> None:
     """Raise DeferredObjectError if a ray enters a box of deferred glass within `distance` (n,)."""
     reached = set()
-    for number, box in enumerate(plan.aside.boxes):
+    for number, box in enumerate(plan.deferred.boxes):
         enter, leave = slab(box, origins, directions)
         if ((enter <= leave) & (leave >= 0) & (enter <= distance)).any():
             reached.add(number)

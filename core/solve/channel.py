@@ -278,7 +278,7 @@ def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
     if len(rig.glasses) == 1:
         return ()
 
-    aside = []
+    deferred = []
     for number, glass in enumerate(rig.glasses):
         low, high = glass.mesh.bounds
         corners = np.array(
@@ -293,14 +293,14 @@ def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
         xy = viewer.project(corners)
         is_before = np.isfinite(xy).all(axis=1)
         if not is_before.any():
-            aside.append(number)
+            deferred.append(number)
         elif is_before.all():
             left, top = xy.min(axis=0)
             right, bottom = xy.max(axis=0)
             if right < 0 or bottom < 0 or left > viewer.width or top > viewer.height:
-                aside.append(number)
+                deferred.append(number)
 
-    return tuple(aside) if len(aside) < len(rig.glasses) else ()
+    return tuple(deferred) if len(deferred) < len(rig.glasses) else ()
 
 
 def sample_reached(
@@ -324,20 +324,20 @@ def sample_reached(
     ------
     RigError, MeshError : from compile_plan
     """
-    aside = out_of_sight(rig, viewer)
+    deferred = out_of_sight(rig, viewer)
     _, of_map = spans(("plan",), MAP)
     progress = 0.0
 
     for start in range(MOST_STARTS):
         plan = yield from hold_progress(
             progress,
-            compile_plan_steps(rig, settings, cache, aside if start < MOST_STARTS - 1 else ()),
+            compile_plan_steps(rig, settings, cache, deferred if start < MOST_STARTS - 1 else ()),
         )
         plan = plan.seen_by(viewer)
         lap("plan")
 
         # Rays that check the map also find out whether light comes near a deferred glass.
-        sampling = Sampling(plan, is_coarse, is_checked=bool(plan.aside.glasses))
+        sampling = Sampling(plan, is_coarse, is_checked=bool(plan.deferred.glasses))
         steps = subprogress(sampling.sample(), *of_map)
 
         try:
@@ -346,10 +346,10 @@ def sample_reached(
                 progress = max(progress, next(steps))
                 yield progress
         except StopIteration as end:
-            return replace(plan, aside=DeferredObjects.none()), end.value
+            return replace(plan, deferred=DeferredObjects.none()), end.value
         except DeferredObjectError as found:
-            aside = tuple(
-                number for k, number in enumerate(plan.aside.glasses) if k not in found.boxes
+            deferred = tuple(
+                number for k, number in enumerate(plan.deferred.glasses) if k not in found.boxes
             )
             lap("tracing")
 

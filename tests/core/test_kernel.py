@@ -305,7 +305,7 @@ def test_same_ways_and_courses():
 def test_glass_aside_is_told():
     """A ray that comes near glass that is not in the plan is told by the same error."""
     a_rig = two(icosphere(0.015, 2), icosphere(0.01, 2, centre=(0, 0.05, 0)))
-    plan = compile_plan(a_rig, Settings(), aside=(1,))
+    plan = compile_plan(a_rig, Settings(), deferred=(1,))
     rays = rays_of(a_rig, 200)
     with pytest.raises(DeferredObjectError) as found:
         run_steps(tracing(plan, *rays))

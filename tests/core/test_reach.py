@@ -65,7 +65,7 @@ def test_what_light_comes_by_is_found_though_the_viewer_does_not_look_at_it(thin
     laps = []
     plan, found = drain(sample_reached(a_rig, a_rig.viewer, Settings(), MeshCache(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
-    assert plan.aside.glasses == ()
+    assert plan.deferred.glasses == ()
 
     at = np.random.default_rng(0).uniform(0, 128, (2000, 2))
     whole = drain(sample(compile_plan(a_rig, Settings())))
@@ -75,7 +75,7 @@ def test_what_light_comes_by_is_found_though_the_viewer_does_not_look_at_it(thin
 
 def test_rays_that_come_near_are_told():
     a_rig = with_others(ball_rig(3, pixels=32), box([0.01] * 3, (0.3, 0, 0)))
-    plan = compile_plan(a_rig, Settings(), aside=(1,))
+    plan = compile_plan(a_rig, Settings(), deferred=(1,))
     away = np.array([[0.3, -1.0, 0], [0.4, -1.0, 0]])
     along = np.tile([[0.0, 1, 0]], (2, 1))
     with pytest.raises(DeferredObjectError) as found:
@@ -116,7 +116,7 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     # with no walls of its box to pass by, none of the rays
     # comes near the rod: none raises DeferredObjectError
     blind = replace(
-        compile_plan(a_rig, Settings(), aside=(1,)),
+        compile_plan(a_rig, Settings(), deferred=(1,)),
         thin_parts=compile_plan(plain, Settings()).thin_parts,
     )
 
@@ -124,7 +124,7 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     laps = []
     plan, _ = drain(sample_reached(a_rig, a_rig.viewer, Settings(), MeshCache(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
-    assert plan.aside.glasses == ()
+    assert plan.deferred.glasses == ()
     assert not any("comes near" in text for text in plan.left_out)
 
 

@@ -112,7 +112,7 @@ def with_another_aside() -> Rig:
 
 
 def without_the_other(a_rig: Rig) -> Plan:
-    return compile_plan(a_rig, Settings(), aside=out_of_sight(a_rig, a_rig.viewer))
+    return compile_plan(a_rig, Settings(), deferred=out_of_sight(a_rig, a_rig.viewer))
 
 
 def two_boxes() -> Rig:
