@@ -1,9 +1,8 @@
-"""Copies of a rig's parts that lie beside them in its collection, as Shift D makes them: which of
-them are meant to be one rig, and a rig of their own for these.
+"""Makes a new rig of duplicated parts in a rig's collection, as after Shift D.
 
-No copy says with which others it was made, but after Shift D they are selected. Where they are not,
-and each part has one copy, all are meant; but glass that went a way of its own may be meant for
-something else. All else is asked for.
+A copy does not record which others were made with it, but after Shift D they are selected.
+Otherwise, if each part has one copy, all are meant, unless a copied glass moved separately. In all
+other cases the artist has to select.
 """
 
 from collections.abc import Iterable
@@ -17,8 +16,8 @@ from ...base.messages import quoted
 from ..data.rigs import active_rig, held_by, mark_of, rigs_of, stem, with_copies
 from .listed_viewers import have_viewer
 
-SAME_PLACE = 1e-4  # of distances and sizes: matrices of Blender have 24 bits
-NEEDED = {"DISPLAY", "PICTURE"}  # roles of copies that make a rig
+SAME_PLACE = 1e-4  # of distances and sizes: Blender's matrices have 24 bits
+NEEDED = {"DISPLAY", "PICTURE"}  # roles that copies need to make a rig
 Things = list[bpy.types.Object]
 Copies = dict[bpy.types.Object, Things]  # all copies of each original
 
@@ -30,7 +29,7 @@ def copies_of(rig: bpy.types.Collection) -> Copies:
 
 
 def is_doubled(scene: bpy.types.Scene) -> bool:
-    """Was the active rig duplicated part by part, and not by its collection?"""
+    """Whether the active rig's parts were duplicated, and not its collection."""
     rig = active_rig(scene)
     return rig is not None and {x.kiriko.role for x in copies_of(rig)} >= NEEDED
 
@@ -38,17 +37,17 @@ def is_doubled(scene: bpy.types.Scene) -> bool:
 def meant_copies(
     scene: bpy.types.Scene, rig: bpy.types.Collection, selected: Iterable[bpy.types.Object]
 ) -> Things:
-    """Copies of a rig's parts that are meant to be one rig: those selected, with what is selected
-    of the artist's own things that the rig uses; or else all.
+    """Copies of a rig's parts for one new rig: the selected ones, with selected objects of the
+    artist's own that the rig uses; else all.
 
-    Raises RigError where neither tells it.
+    Raises RigError if neither is clear.
     """
     copies, own, chosen = copies_of(rig), _own(scene, rig), set(selected)
     picked = {one: [c for c in things if c in chosen] for one, things in copies.items()}
     if _is_set(picked) and chosen.isdisjoint(copies):
         return [*chain(*picked.values()), *(thing for thing in own if thing in chosen)]
 
-    # of the artist's own things nothing tells which are copies
+    # the artist's own objects have no mark of a copy
     are_own_single = len({_kind(thing) for thing in own}) == len(own)
     if _is_set(copies) and are_own_single and _is_glass_along(copies):
         return [*chain(*copies.values())]
@@ -59,9 +58,9 @@ def meant_copies(
 
 
 def part_copies(rig: bpy.types.Collection, things: Things) -> str:
-    """Move copies of a rig's parts to a collection next to that of the rig, wherever that is
-    linked, and make it a rig of its own: around their glass, if there is any among them. Returns
-    its name.
+    """Move copies of a rig's parts to a collection next to the rig's, wherever it is linked, and
+    make
+    it a rig around their glass, or the original glass if none was copied. Returns its name.
     """
     twins, new = _twins(rig, things), _empty_copy(rig)
     for group in chain(bpy.data.collections, (one.collection for one in bpy.data.scenes)):
@@ -90,16 +89,16 @@ def _empty_copy(rig: bpy.types.Collection) -> bpy.types.Collection:
         new.objects.unlink(thing)
     for child in list(new.children):
         new.children.unlink(child)
-    new.kiriko.property_unset("views")  # nothing was changed for it
+    new.kiriko.property_unset("views")  # no view was changed for it
     new.kiriko.property_unset("result")
     return new
 
 
 def _twins(rig: bpy.types.Collection, things: Things) -> dict[bpy.types.Object, bpy.types.Object]:
-    """The copy of each camera of a rig among copies of its things, by the camera.
+    """The copy of each camera of a rig, by the camera.
 
-    The mark of Add Rig tells it, which copies keep; an artist's own cameras have none, but a name
-    of which Blender changes the number alone. Several that are alike were copied in their order.
+    Copies keep the mark of Add Rig. An artist's own cameras have none: Blender changes only the
+    number in their names. Equal candidates were copied in their order.
     """
     seated = [rig.kiriko.viewer, *(one.camera for one in rig.kiriko.viewers)]
     cameras = [one for one in dict.fromkeys([*held_by(rig), *seated]) if one not in (None, *things)]
@@ -115,14 +114,14 @@ def _twins(rig: bpy.types.Collection, things: Things) -> dict[bpy.types.Object, 
 
 
 def _is_set(copies: Copies) -> bool:
-    """Is there one copy of each part, and of all that a rig cannot do without?"""
+    """Whether each part has at most one copy, and all needed roles have one."""
     roles = {one.kiriko.role for one, things in copies.items() if things}
     return roles >= NEEDED and all(len(things) < 2 for things in copies.values())
 
 
 def _own(scene: bpy.types.Scene, rig: bpy.types.Collection) -> Things:
-    """The artist's own things that a rig uses, and those that may be copies of them: in its
-    collection, or in that of no rig, as a mirror that stands there.
+    """The artist's own objects used by a rig, and their possible copies: in its collection or in no
+    rig's, such as a mirror on the bench.
     """
     held, holders, settings = set(held_by(rig)), rigs_of(scene), rig.kiriko
     viewers = [settings.viewer or scene.camera, *(one.camera for one in settings.viewers)]
@@ -136,13 +135,13 @@ def _own(scene: bpy.types.Scene, rig: bpy.types.Collection) -> Things:
 
 
 def _kind(thing: bpy.types.Object) -> tuple[str, str, str]:
-    """What a thing of the artist's and its copy have in common."""
+    """Common properties of an artist's object and its copy."""
     return stem(thing.name), thing.type, thing.kiriko.role
 
 
 def _is_glass_along(copies: Copies) -> bool:
-    """Did each copy of glass go the way of some other part's? One that was
-    made alone may be meant for something else.
+    """Whether each copied glass moved together with another copied part. One copied alone may have
+    another purpose.
     """
     pairs = [(one, twin) for one, things in copies.items() for twin in things]
     glass = [pair for pair in pairs if pair[0].kiriko.role == "GLASS"]
@@ -153,7 +152,7 @@ def _is_glass_along(copies: Copies) -> bool:
 def _leads(
     way: tuple[bpy.types.Object, ...], one: bpy.types.Object, twin: bpy.types.Object
 ) -> bool:
-    """Does the way from an original to its copy lead from one thing to another?"""
+    """Whether the motion from an original to its copy also takes one object to another."""
     a, b, c, d = (thing.matrix_world for thing in (*way, one, twin))
     off = np.abs(np.array(b @ a.inverted_safe() @ c) - np.array(d))[:3]
     far = max(x.translation.length for x in (a, b, c, d))

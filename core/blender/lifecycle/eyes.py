@@ -1,5 +1,6 @@
-"""Makes cameras for further viewers: two eyes, or heads in a box. They go along with the viewer
-that they stand around, and belong to the active rig.
+"""Makes cameras for more viewers of the active rig: two eyes, or a grid of heads. They move with
+the
+viewer they surround.
 """
 
 from collections.abc import Iterator
@@ -19,12 +20,12 @@ from ..data.translation_context import data_name
 from ..read.scene import object_matrix
 from .listed_viewers import add, take_out
 
-EYES = 0.065  # m, between people's two
-EYE_MARK = "kiriko_eye"  # on cameras that were made here, and that others may take the place of
+EYES = 0.065  # m, between human eyes
+EYE_MARK = "kiriko_eye"  # on cameras made here, which later ones may replace
 
 
 class EyePlace(NamedTuple):
-    """Where a camera is to be in the world, its name, and how it looks."""
+    """A camera to make: its place in the world, its name, and its lens shift."""
 
     name: str
     matrix: Matrix
@@ -33,10 +34,10 @@ class EyePlace(NamedTuple):
 
 
 def two_eyes(viewer: bpy.types.Object) -> Iterator[EyePlace]:
-    """The eyes of a camera by its own stereo settings, half of their distance to either side.
+    """The eyes of a camera by its stereo settings, half of their distance to either side.
 
-    The eyes look parallel; at the convergence distance with their images shifted (off-axis); or
-    turned to it (toe-in).
+    The eyes look parallel, shift their images at the convergence distance (off-axis), or rotate
+    towards it (toe-in).
     """
     lens, stereo = viewer.data, viewer.data.stereo
     half = stereo.interocular_distance / 2
@@ -54,8 +55,8 @@ def two_eyes(viewer: bpy.types.Object) -> Iterator[EyePlace]:
 
 
 def keep_eyes_apart(scene: bpy.types.Scene, before: float, after: float) -> None:
-    """Have the eyes of a rig's own viewer stay as far apart as people's are, where the length of
-    the scene's unit, m, becomes another one.
+    """Keep the distance between the eyes of a rig's own viewer while the scene's unit, m,
+    changes.
     """
     viewer = scene.kiriko.viewer
     if viewer is not None and viewer.type == "CAMERA" and viewer.data.is_editable:
@@ -67,9 +68,9 @@ def keep_eyes_apart(scene: bpy.types.Scene, before: float, after: float) -> None
 def heads(
     viewer: bpy.types.Object, own: Viewer, others: list[Viewer], metres: float
 ) -> Iterator[EyePlace]:
-    """Cameras like a viewer's that look as other viewers do.
+    """Cameras like a viewer's in use by other viewers.
 
-    own : as the camera looks itself
+    own : the camera's own appearance
     """
     lens = viewer.data
     for other in others:
@@ -81,8 +82,8 @@ def heads(
 def make_viewers(
     scene: bpy.types.Scene, viewer: bpy.types.Object, places: list[EyePlace]
 ) -> list[bpy.types.Object]:
-    """Make cameras like a viewer's, and put them into the list in place of it and of those that
-    were made before, whose weights and images they take over where as many had their names.
+    """Make cameras like a viewer's, and list them in place of it and of earlier ones, whose weights
+    and images they inherit if their names and numbers match.
     """
     kept: dict[str, list[tuple[float, bpy.types.Image | None]]] = {}
     for one in _made(scene):
@@ -96,7 +97,7 @@ def make_viewers(
     entries = list(scene.kiriko.viewers)
     entries[0].is_on = False
     entries[0].weight, entries[0].image = own
-    # the only entry for a while, whose image became that of all
+    # a temporary single entry made its image the common one
     scene.kiriko.picture_image = shared
     news: dict[str, list[bpy.types.PropertyGroup]] = {}
     for place, one in zip(places, entries[-len(made) :], strict=True):
@@ -114,8 +115,8 @@ def _made(scene: bpy.types.Scene) -> list[bpy.types.PropertyGroup]:
 
 
 def remove_made(scene: bpy.types.Scene) -> None:
-    """Take those that were made here out of the list, and entries without a camera; remove them,
-    and those that were taken out of the list before, unless they are used.
+    """Take cameras made here, and empty entries, out of the list; delete these cameras and earlier
+    unlisted ones unless they are in use.
     """
     made = [one.camera for one in _made(scene)]
     take_out(scene, [*made, None])
@@ -133,24 +134,25 @@ def remove_made(scene: bpy.types.Scene) -> None:
 
 
 def _left_over(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Cameras that were made here for the active rig, wherever they are, but no copies of them."""
+    """Cameras made here for the active rig, listed or not, without copies of them."""
     rig = active_rig(scene)
     things = scene.objects if rig is None else held_by(rig)
     return [thing for thing in things if thing.get(EYE_MARK) == thing.name]
 
 
 def _is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
-    """Is a camera a copy of one that was made here, or renamed, and so the artist's own?
+    """Whether a camera is a copy of one made here, or renamed, and so the artist's own.
 
-    A full copy of a scene has further numbers in its names, and none of those of before.
+    A full copy of a scene adds numbers to all names.
     """
     mark = thing[EYE_MARK]
     return mark != thing.name and (mark in scene.objects or stem(mark) != stem(thing.name))
 
 
 def _is_used(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
-    """Does an artist use a camera that was made here: a copy of it, or as the camera of a scene, of
-    a marker, of a view or of another rig?
+    """Whether the artist uses a camera made here: as a copy, or as the camera of a scene, marker,
+    view
+    or other rig.
     """
     if _is_copy(scene, thing) or len(thing.users_scene) > 1:
         return True
@@ -165,7 +167,7 @@ def _is_used(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
 
 
 def _like(scene: bpy.types.Scene, viewer: bpy.types.Object, place: EyePlace) -> bpy.types.Object:
-    """A camera like a viewer's at another place, which goes along with it."""
+    """A camera like a viewer's at another place, which moves with it."""
     lens = viewer.data.copy()
     lens.animation_data_clear()
     lens.name = place.name
@@ -177,13 +179,13 @@ def _like(scene: bpy.types.Scene, viewer: bpy.types.Object, place: EyePlace) -> 
     thing.parent = viewer
     thing.matrix_parent_inverse = viewer.matrix_world.inverted()
     thing.matrix_basis = place.matrix
-    thing[EYE_MARK] = thing.name  # which a copy of it does not have
+    thing[EYE_MARK] = thing.name  # missing on copies
     _take_in(scene, viewer, thing)
     return thing
 
 
 def _take_in(scene: bpy.types.Scene, viewer: bpy.types.Object, thing: bpy.types.Object) -> None:
-    """Have a new camera belong to the active rig, or else lie where the viewer does."""
+    """Link a new camera to the active rig, or else next to the viewer."""
     rig = active_rig(scene)
     if rig is None or not rig.is_editable:
         (next(iter(viewer.users_collection), None) or scene.collection).objects.link(thing)
@@ -193,7 +195,7 @@ def _take_in(scene: bpy.types.Scene, viewer: bpy.types.Object, thing: bpy.types.
 
 
 def _unscaled(viewer: bpy.types.Object) -> Matrix:
-    """The place in the world without scale and mirrors, which a camera does not follow."""
+    """The transform in the world without scale and mirroring, which a camera ignores."""
     matrix = np.array(viewer.matrix_world, dtype=float)
     return _looking(orthonormal_axes(matrix, viewer.name), matrix[:3, 3])
 

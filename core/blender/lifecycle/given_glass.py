@@ -1,6 +1,4 @@
-"""The glass that Make It Glass gives to objects, which have their own materials back when their rig
-is removed.
-"""
+"""Glass materials from Make It Glass. Removing the rig restores the objects' own materials."""
 
 import bpy
 
@@ -12,14 +10,14 @@ SETTER = "GeometryNodeSetMaterial"
 
 
 def has_place(thing: bpy.types.Object) -> bool:
-    """Can an object be given a material? A linked mesh without slots has it by a modifier."""
+    """Whether an object can get a material; a linked mesh without slots gets it by a modifier."""
     return hasattr(thing.data, "materials") and (
         bool(thing.material_slots) or thing.data.is_editable or thing.type == "MESH"
     )
 
 
 def give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
-    """Link a material to an object in place of those of its mesh, which may be others', too.
+    """Link a material to an object in place of its mesh's materials, which may have other users.
 
     Returns their names.
     """
@@ -46,8 +44,9 @@ def give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
 
 
 def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
-    """Put a material on all faces that an object's modifiers make, by one after them all: geometry
-    nodes may set another than that of its slots.
+    """Set a material on all faces of an object by a last modifier, since geometry nodes may
+    override
+    its slots.
     """
     tree = bpy.data.node_groups.new(glass.name, "GeometryNodeTree")
     tree[GIVEN_MARK] = True
@@ -62,7 +61,7 @@ def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
 
 
 def take_back(thing: bpy.types.Object) -> None:
-    """Give an object its own materials again, where it still has the glass."""
+    """Restore an object's own materials if it still has the glass."""
     ours = thing.kiriko
     if not ours.is_given:
         return
@@ -84,7 +83,7 @@ def take_back(thing: bpy.types.Object) -> None:
 
 
 def _take_modifiers(thing: bpy.types.Object) -> set[bpy.types.Material]:
-    """Take away the modifiers of `set_by_modifier`. Returns the glass that they set."""
+    """Remove the modifiers of `set_by_modifier`. Returns their glass."""
     given = set()
     for modifier in list(thing.modifiers):
         tree = modifier.node_group if modifier.type == "NODES" else None

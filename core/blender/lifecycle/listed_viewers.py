@@ -1,6 +1,6 @@
-"""Changes of a scene's list of viewers, whose first entry is the viewer that the scene has anyway.
+"""Changes of a scene's list of viewers; the first entry is the scene's own viewer.
 
-The list is empty as long as there is no other: so a file of one viewer is as it always was.
+The list is empty while there is only one viewer.
 """
 
 from collections.abc import Container, Iterator
@@ -13,8 +13,8 @@ from ..data.camera_viewer import camera_at, number_shown
 
 @contextmanager
 def changing(scene: bpy.types.Scene) -> Iterator[bpy.types.bpy_prop_collection]:
-    """The list, to be changed: with the first viewer as an entry like any other. One that is the
-    scene's camera, as none was chosen, goes on following that while it is the first.
+    """The list to change, with the first viewer as an ordinary entry. If none was chosen, the first
+    entry keeps following the scene's camera.
     """
     ours = scene.kiriko
     first = camera_at(scene, 0)
@@ -29,14 +29,14 @@ def changing(scene: bpy.types.Scene) -> Iterator[bpy.types.bpy_prop_collection]:
 
 
 def _settle(scene: bpy.types.Scene, followed: bpy.types.Object | None) -> None:
-    """Have the first entry be the scene's viewer again, and no list be there for it alone.
+    """Make the first entry the scene's viewer again, and clear the list if it is alone.
 
-    followed : the camera that needs no choice to be the viewer
+    followed : the camera that is the viewer without a choice
     """
     ours = scene.kiriko
     if len(ours.viewers):
         there = (n for n, one in enumerate(ours.viewers) if one.camera)
-        ours.viewers.move(next(there, 0), 0)  # an empty entry is no rig's viewer
+        ours.viewers.move(next(there, 0), 0)  # an empty entry cannot be the rig's viewer
         first = ours.viewers[0]
         have_viewer(ours, None if first.camera == followed else first.camera)
         first.camera = None
@@ -47,9 +47,7 @@ def _settle(scene: bpy.types.Scene, followed: bpy.types.Object | None) -> None:
 
 
 def have_viewer(ours: bpy.types.PropertyGroup, camera: bpy.types.Object | None) -> None:
-    """Have a scene's settings have a viewer, whose entry is on or off as it was: one that a script
-    or an artist sets is turned on.
-    """
+    """Set the viewer without turning its entry on, as setting it by hand does."""
     before = ours.viewer_shown, [one.is_on for one in ours.viewers]
     ours.viewer = camera
     ours.viewer_shown = before[0]
@@ -58,7 +56,7 @@ def have_viewer(ours: bpy.types.PropertyGroup, camera: bpy.types.Object | None) 
 
 
 def add(scene: bpy.types.Scene, cameras: list[bpy.types.Object]) -> None:
-    """Put cameras into the list; the first of them is the one that is shown."""
+    """Add cameras to the list, and show the first of them."""
     with changing(scene) as listed:
         scene.kiriko.viewer_shown = len(listed)
         for camera in cameras:
@@ -66,8 +64,9 @@ def add(scene: bpy.types.Scene, cameras: list[bpy.types.Object]) -> None:
 
 
 def take_out(scene: bpy.types.Scene, cameras: Container[bpy.types.Object | None]) -> None:
-    """Take the entries of cameras out of the list, but for the first, which is on again: some of
-    them may have been in its place.
+    """Remove the entries of cameras from the list, except the first, which is on again: they may
+    have
+    replaced it.
     """
     if not len(scene.kiriko.viewers):
         return

@@ -1,5 +1,6 @@
-"""A new rig in Blender: the bench as it stands before, the glass that the viewer looks through, and
-the objects that are made. All of them, or none.
+"""A new rig in Blender: reads the bench, chooses the glass for the viewer, and makes the objects,
+all
+or none.
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,8 +37,9 @@ def bounds_of(parts: Sequence[WorldPart | Glass]) -> Floats:
 
 
 def looked_through(parts: list[WorldPart], active: bpy.types.Object | None) -> list[WorldPart]:
-    """Those of the glass that the viewer looks through: of the active object or, where that is
-    none of them, as after a box selection, of the one nearest to the middle of all.
+    """The glass for the viewer: the active object's, else the glass nearest to the common centre,
+    as
+    after a box selection.
     """
     owners = {part.owner for part in parts}
     if active not in owners:
@@ -51,18 +53,18 @@ def looked_through(parts: list[WorldPart], active: bpy.types.Object | None) -> l
 
 BALL = Message("Kiriko Ball")
 BALL_RADIUS = 0.025  # m
-MOST_NAMED = 3  # tools that are left out
+MOST_NAMED = 3  # tools named in a message
 
 
 @dataclass(frozen=True, eq=False)
 class RigSite:
-    """The parts that a new rig is built around.
+    """The surroundings of a new rig.
 
-    glasses : objects that are to be glass; none: a ball is made
-    rig : all the glass, and the plates, mirrors and blockers that are there
+    glasses : objects to become glass; none: a ball is made
+    rig : all glass, and the existing plates, mirrors and blockers
     bounds : (2, 3) of those glasses, world, m
-    aim : (2, 3) of the active one among them, or of the one nearest to the middle of all
-    opaque : those of them whose material does not refract
+    aim : (2, 3) of the active one, or of the one nearest to their common centre
+    opaque : glasses without a refractive material
     """
 
     glasses: tuple[bpy.types.Object, ...]
@@ -73,9 +75,9 @@ class RigSite:
 
 
 def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
-    """Those of the selected objects that can be glass, without the tools that cut them.
+    """The selected objects that can be glass, without Boolean tools.
 
-    Raises RigError where there are some, but none that can.
+    Raises RigError if objects are selected and none can be glass.
     """
     reasons = {thing: bodiless(thing) for thing in things}
     for thing, modifier in tools_of(things).items():
@@ -99,8 +101,8 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
 def on_left_out(
     things: list[bpy.types.Object], active: bpy.types.Object | None, shown: VisibleObjects
 ) -> list[Message]:
-    """Sentences on what a new rig around the selected objects leaves out, that may be missed: tools
-    of modifiers and, where nothing is selected, an active object that is hidden.
+    """Sentences on objects that a new rig leaves out and the artist may miss: Boolean tools and, if
+    nothing is selected, a hidden active object.
     """
     tools = [
         Message("'{name}' ({why})", name=tool.name, why=use_of(modifier))
@@ -125,11 +127,11 @@ def on_left_out(
 def read_bench(
     context: bpy.types.Context, scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]
 ) -> RigSite:
-    """Read the bench as it stands without other rigs, these objects as glass; nothing is changed.
+    """Read the bench without other rigs and with these objects as glass; nothing is changed.
 
     Raises
     ------
-    RigError : one of them encloses nothing, or is not shown
+    RigError : one of them encloses nothing, or is hidden
     """
     metres = length_of_unit(scene)
     kept = ShapeCache()
@@ -171,7 +173,7 @@ def read_bench(
 
 @contextmanager
 def _as_glass(things: tuple[bpy.types.Object, ...]) -> Iterator[None]:
-    """Objects have the role Glass within, and their own one afterwards."""
+    """Objects have the role Glass within the context, and their own afterwards."""
     before = [(thing.kiriko, thing.kiriko.role) for thing in things]
     try:
         for ours, _ in before:
@@ -185,9 +187,7 @@ def _as_glass(things: tuple[bpy.types.Object, ...]) -> Iterator[None]:
 def _check_bodies(
     things: tuple[bpy.types.Object, ...], parts: list[WorldPart], shown: VisibleObjects
 ) -> None:
-    """Raise RigError for objects that cannot be glass as
-    they stand. The parts are those with faces.
-    """
+    """Raise RigError for objects that cannot be glass. The parts are those with faces."""
     met = {part.owner for part in parts}
     for thing in things:
         if by := shown.hidden_by(thing):
@@ -196,7 +196,7 @@ def _check_bodies(
                 name=thing.name,
                 by=by,
             )
-        # the surface of a family of metaballs is that of one of them
+        # one metaball has the surface of its whole family
         if thing not in met and (thing.type != "META" or not met):
             raise faceless(thing)
 
@@ -216,14 +216,14 @@ def _check_bodies(
 
 
 def _ball_frame(scene: bpy.types.Scene) -> Floats:
-    """Where a ball is made: at the 3D cursor, Blender units."""
+    """The frame of a new ball, at the 3D cursor, Blender units."""
     at = np.eye(4)
     at[:3, 3] = scene.cursor.location
     return at
 
 
 def _ball(scene: bpy.types.Scene, metres: float) -> Glass:
-    """The ball that is made where no glass is selected, as it will be read."""
+    """The ball for a rig without selected glass, as it will be read."""
     mesh = ball_mesh(BALL, BALL_RADIUS / metres)
     try:
         local = read_local(mesh, has_normals=True)
@@ -242,11 +242,11 @@ def make_rig(
 ) -> tuple[bpy.types.Collection, tuple[bpy.types.Object, ...]]:
     """Make the proposal's objects, and give the glasses their role, in overrides of linked ones.
 
-    Returns the rig, which is the active one then, and the glasses.
+    Returns the rig, now the active one, and the glasses.
 
     Parameters
     ----------
-    viewer_resolution : None: the viewer has the pixels of the scene's render
+    viewer_resolution : None for the scene's render resolution
     """
     with ExitStack() as undo:
         undo.callback(setattr, scene, "camera", scene.camera)
@@ -272,7 +272,7 @@ def make_rig(
 
 
 def _remember(undo: ExitStack, thing: bpy.types.Object) -> None:
-    """Have a glass, its materials and its collections be as they are, if making the rig fails."""
+    """Restore a glass, its materials and its collections if making the rig fails."""
     ours = thing.kiriko
     for name in ("role", "taken_as", "is_made_glass", "is_drawn_by_edges"):
         undo.callback(setattr, ours, name, getattr(ours, name))
@@ -291,7 +291,7 @@ def _link(group: bpy.types.Collection, thing: bpy.types.Object) -> None:
 
 
 def _take_in(scene: bpy.types.Scene, thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
-    """Have an object of the artist's be the rig's glass. A copy of glass leaves the rig of that."""
+    """Add an artist's object to the rig as glass. A copy of glass leaves the original's rig."""
     for other in rigs_of(scene)(thing) if is_copy(scene, thing) else ():
         other.objects.unlink(thing)
     rig.objects.link(thing)
@@ -325,7 +325,7 @@ def _make_parts(
 def _make_viewer(
     scene: bpy.types.Scene, made: Workbench, proposal: Proposal, resolution: tuple[int, int] | None
 ) -> None:
-    """The viewer's camera, which is the scene's only where an artist has none."""
+    """The viewer's camera, which becomes the scene's only if there is none."""
     metres = length_of_unit(scene)
     frame = in_units(proposal.placement.viewer, metres)
     viewer = make_viewer(made, frame, proposal.viewer_distance, proposal.field, metres)

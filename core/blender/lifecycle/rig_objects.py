@@ -1,6 +1,6 @@
-"""The objects of a rig that Add Rig makes, one by one: so one that was deleted is made anew.
+"""The parts of a rig, made one by one, so that Make Part can replace a deleted one.
 
-Frames (4, 4) and lengths are in Blender units, where nothing else is said.
+Frames (4, 4) and lengths are in Blender units, unless noted.
 """
 
 from functools import cache

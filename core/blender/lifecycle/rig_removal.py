@@ -1,5 +1,5 @@
-"""Removes a rig: all that Add Rig and results made for it goes, and what it changed is put back.
-Things that are used elsewhere by now stay.
+"""Removes a rig with everything made for it and its results, and undoes its changes. Objects in use
+elsewhere stay.
 """
 
 import bpy
@@ -16,13 +16,16 @@ from ..result.result_images import images_of
 from ..view.viewport_look import be_opaque, draw_as_solid
 from .given_glass import take_back
 
-DATA = ("meshes", "cameras", "materials", "images")  # kinds that Add Rig makes beside objects
+DATA = (
+    "meshes",
+    "cameras",
+    "materials",
+    "images",
+)  # kinds of data made by Add Rig, besides objects
 
 
 def remove_rig(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[str]:
-    """Remove a rig from a scene. Returns names of objects of it that stay, because other things use
-    them.
-    """
+    """Remove a rig from a scene. Returns names of its objects that stay because they are in use."""
     refuse_shared(scene, rig)
     made = made_objects(scene, rig)
     going = _unused_elsewhere(scene, rig, [*made, *_made_data(rig, made)])
@@ -54,21 +57,22 @@ def remove_rig(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[str]:
 
 
 def _things(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.types.Object]:
-    """Objects of a rig; of the scene's only one also those that are in its collection no longer."""
+    """Objects of a rig; if it is the scene's only one, also objects no longer in its collection."""
     is_only = rigs(scene) == [rig]
     return list(dict.fromkeys([*held_by(rig), *(scene.objects if is_only else ())]))
 
 
 def made_objects(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.types.Object]:
-    """Objects that Add Rig made for a rig, and those that show its results in the scene."""
+    """Objects that Add Rig made for a rig, and objects that show its results in the scene."""
     things = _things(scene, rig)
     made = with_copies(thing for thing in things if RIG_MARK in thing)
     return [*made, *(thing for thing in things if OBJECT_MARK in thing)]
 
 
 def _made_data(rig: bpy.types.Collection, objects: list[bpy.types.Object]) -> list[bpy.types.ID]:
-    """Meshes, cameras, materials and images that were made for a rig and its results: those that
-    its objects use, and those that nothing uses any longer.
+    """Meshes, cameras, materials and images made for a rig and its results, used by its objects or
+    by
+    nothing.
     """
     materials = [slot.material for thing in objects for slot in thing.material_slots]
     materials = [material for material in materials if material is not None]
@@ -104,9 +108,8 @@ def _images_in(materials: list[bpy.types.Material]) -> list[bpy.types.Image]:
 def _unused_elsewhere(
     scene: bpy.types.Scene, rig: bpy.types.Collection, blocks: list[bpy.types.ID]
 ) -> list[bpy.types.ID]:
-    """Those of these datablocks that only the rig, the scene and each other use.
-
-    One that the artist keeps by a fake user stays, too.
+    """The datablocks used only by the rig, the scene and each other. A fake user set by the artist
+    keeps one.
     """
     groups = scene.collection.children_recursive
     here = {scene, rig, *(group for group in groups if not group.kiriko.is_rig)}
@@ -122,14 +125,14 @@ def _unused_elsewhere(
 
 
 def _others(users: set[bpy.types.ID], known: set[bpy.types.ID]) -> set[bpy.types.ID]:
-    """Users that would miss a thing; windows that show it do not."""
+    """Users outside a set, except windows."""
     shown = bpy.types.Screen | bpy.types.WorkSpace | bpy.types.WindowManager
     return {user for user in users - known if not isinstance(user, shown)}
 
 
 def refuse_shared(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
-    """Raise RigError where the rig is another file's, or where another scene, or an instance, shows
-    it, too, which would lose its parts and roles.
+    """Raise RigError if the rig is linked, or shown in another scene or by an instance, which would
+    lose its parts.
     """
     if not rig.is_editable:
         raise RigError(
@@ -166,7 +169,7 @@ def _shared(block: bpy.types.ID, other: bpy.types.Scene) -> RigError:
 
 
 def _let_go(thing: bpy.types.Object) -> None:
-    """Have glass that Add Rig took into a rig be as before, where nobody has changed it since."""
+    """Restore glass added by Add Rig, unless it was changed since."""
     ours = thing.kiriko
     if not thing.is_editable:
         return
@@ -179,7 +182,7 @@ def _let_go(thing: bpy.types.Object) -> None:
 
 
 def _is_glass(material: bpy.types.Material) -> bool:
-    """Has any glass a material?"""
+    """Whether any glass has a material."""
     return any(
         thing.kiriko.role == "GLASS"
         and any(slot.material == material for slot in thing.material_slots)
@@ -188,8 +191,8 @@ def _is_glass(material: bpy.types.Material) -> bool:
 
 
 def _empty(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy.types.ID]) -> None:
-    """Take a collection out of a scene; all that stays of it and is nowhere else moves to where it
-    was.
+    """Remove a collection from a scene; remaining contents without another place move to its
+    parent.
     """
     parents = [
         group

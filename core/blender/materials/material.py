@@ -1,4 +1,4 @@
-"""Reads materials: the index of refraction, and the settings that are not followed."""
+"""Reads materials: the index of refraction, and ignored settings."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -12,8 +12,9 @@ REFRACTIVE = {
     "BSDF_REFRACTION": "Refraction BSDF",
     "BSDF_PRINCIPLED": "Principled BSDF",
 }
-# inputs of shaders, of the material's output and of glTF's that change how much light goes through
-# clear glass, or where: none is followed, and each does nothing at its number, or unlinked if None
+# inputs of shaders, of the material's output and of glTF's group that change how much light passes
+# clear glass, or its direction; all are ignored. Each has no effect at its number, or unlinked if
+# None
 NEUTRAL: dict[Message, float | None] = {
     Message("Base Color"): 1.0,
     Message("Color"): 1.0,
@@ -32,25 +33,23 @@ NEUTRAL: dict[Message, float | None] = {
     Message("Displacement"): None,
     Message("Dispersion"): 0.0,
 }
-# inputs that do nothing while others of their shader have these values
+# inputs without effect while others of their shader have these values
 IDLE: dict[str, dict[str, float]] = {
     "Emission Strength": {"Emission Color": 0.0},
     "Sheen Weight": {"Sheen Tint": 0.0},
     "Coat Weight": {"Coat IOR": 1.0, "Coat Tint": 1.0},
     "Thin Film Thickness": {"Thin Film IOR": 1.0},
 }
-CONSTANT = {"VALUE", "RGB"}  # nodes that give one value, and all of it
-OF_GLTF = "glTF Material Output"  # group of Blender's importer for what no shader has
+CONSTANT = {"VALUE", "RGB"}  # nodes with a single constant value
+OF_GLTF = "glTF Material Output"  # group made by Blender's importer for inputs missing in shaders
 
 Bends = Callable[[bpy.types.Material | None], bool]
-Groups = tuple[bpy.types.Node, ...]  # the group nodes entered on the way, outermost first
+Groups = tuple[bpy.types.Node, ...]  # the enclosing group nodes, outermost first
 
 
 @dataclass(frozen=True)
 class Refraction:
-    """The index of refraction of a material, the shader it
-    comes from, and its settings that are not followed.
-    """
+    """The index of refraction of a material, its shader, and ignored settings."""
 
     ior: float
     source: str
@@ -59,7 +58,7 @@ class Refraction:
 
 
 def material_output(material: bpy.types.Material | None) -> bpy.types.Node | None:
-    """The output node Cycles uses, or None for a material without nodes."""
+    """The output node for Cycles; None for a material without nodes."""
     if material is None or material.node_tree is None:
         return None
     if bpy.app.version < (5, 0, 0) and not material.use_nodes:  # later versions always use them
@@ -70,8 +69,9 @@ def material_output(material: bpy.types.Material | None) -> bpy.types.Node | Non
 def twin(
     sockets: bpy.types.bpy_prop_collection, socket: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket | None:
-    """The socket with the same identifier: how a group node and
-    the group's own input and output nodes correspond.
+    """The socket with the same identifier, which links a group node with the group's input and
+    output
+    nodes.
     """
     return next((other for other in sockets if other.identifier == socket.identifier), None)
 
@@ -79,8 +79,9 @@ def twin(
 def step_back(
     output: bpy.types.NodeSocket, groups: Groups
 ) -> tuple[bpy.types.NodeSocket | None, Groups]:
-    """The input an output merely passes on (reroute, muted node,
-    in and out of a group), or None for a real node.
+    """The input passed on by an output (reroute, muted node, in and out of a group); None for a
+    real
+    node.
     """
     node = output.node
     if node.mute:
@@ -105,7 +106,7 @@ def step_back(
 
 
 def feeding(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[bpy.types.NodeSocket, Groups]:
-    """The node output that feeds an input, or the unlinked input whose own value counts."""
+    """The node output that feeds an input, or the unlinked input itself."""
     while True:
         link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
         if link is None:
@@ -117,7 +118,7 @@ def feeding(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[bpy.types.Nod
 
 
 def number(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[float, bool]:
-    """Value of an input, and whether it is known: not when anything but a Value node feeds it."""
+    """Value of an input, and whether it is certain: only a Value node may feed it."""
     end, _ = feeding(socket, groups)
     if not end.is_output or end.node.type == "VALUE":
         return float(end.default_value), True
@@ -127,7 +128,7 @@ def number(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[float, bool]:
 def shaders(
     socket: bpy.types.NodeSocket, groups: Groups
 ) -> Iterator[tuple[bpy.types.Node, Groups]]:
-    """The shaders that feed a shader input, through Mix and Add, with the groups they stand in."""
+    """The shaders that feed a shader input, through Mix and Add, each with its groups."""
     end, groups = feeding(socket, groups)
     if not end.is_output:
         return
@@ -148,7 +149,7 @@ def shaders(
 
 
 def is_refractive(node: bpy.types.Node, groups: Groups) -> bool:
-    """Does the shader let light through with a bend?"""
+    """Whether a shader refracts light."""
     if node.type == "BSDF_PRINCIPLED":
         weight, is_known = number(node.inputs["Transmission Weight"], groups)
         return (weight > 0 or not is_known) and not is_thin_wall(node, groups)
@@ -156,13 +157,13 @@ def is_refractive(node: bpy.types.Node, groups: Groups) -> bool:
 
 
 def is_thin_wall(node: bpy.types.Node, groups: Groups) -> bool:
-    """Does the shader let light straight through, as a window does? In Blender from 5.2 on."""
+    """Whether a shader passes light straight through, like a window; from Blender 5.2 on."""
     socket = node.inputs.get("Thin Wall")
     return socket is not None and number(socket, groups) == (1.0, True)
 
 
 def on_thin_walls(materials: Iterable[bpy.types.Material | None]) -> Iterator[Message]:
-    """A sentence on each material that lets light straight through."""
+    """A sentence on each material with Thin Wall on."""
     for material in materials:
         output = material_output(material)
         found = () if output is None else shaders(output.inputs["Surface"], ())
@@ -174,7 +175,7 @@ def on_thin_walls(materials: Iterable[bpy.types.Material | None]) -> Iterator[Me
 
 
 def is_at(node: bpy.types.Node, name: str, value: float, groups: Groups) -> bool:
-    """Has an input of a node this value, a colour in each of red, green and blue?"""
+    """Whether an input of a node has this value; for a colour, in each of red, green and blue."""
     if name not in node.inputs:
         return False
     end, _ = feeding(node.inputs[name], groups)
@@ -185,7 +186,7 @@ def is_at(node: bpy.types.Node, name: str, value: float, groups: Groups) -> bool
 
 
 def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
-    """The settings of a node that Kiriko does not follow."""
+    """The settings of a node that Kiriko ignores."""
     for name, neutral in NEUTRAL.items():
         idle = IDLE.get(name, {})
         is_idle = idle and all(is_at(node, *other, groups) for other in idle.items())
@@ -203,8 +204,8 @@ def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
 
 
 def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
-    """Index of refraction of a material: of the first refractive
-    shader on its surface, or None if it has none.
+    """Index of refraction of the first refractive shader on a material's surface; None if there is
+    none.
     """
     output = material_output(material)
     if output is None:
@@ -241,10 +242,10 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
 
 
 def bends_light(material: bpy.types.Material | None) -> bool:
-    """Does a material let light through with a bend?"""
+    """Whether a material refracts light."""
     return read_refraction(material) is not None
 
 
 def refracts(thing: bpy.types.Object, bends: Bends = bends_light) -> bool:
-    """Does any material of an object bend light, by `bends_light` or what is kept of it?"""
+    """Whether any material of an object refracts, by `bends_light` or a cached version of it."""
     return any(bends(slot.material) for slot in thing.material_slots)

@@ -1,5 +1,5 @@
 """The mirror array plate as a node group for Cycles: the formulas of core/light/plate.py as nodes,
-and no geometry.
+without geometry.
 """
 
 import math
@@ -12,9 +12,7 @@ from .shaders import cleared
 
 
 class Value:
-    """A number or a vector in a node tree: with these,
-    formulas made of nodes are written as formulas.
-    """
+    """A number or a vector in a node tree, with operators for formulas."""
 
     def __init__(self, socket: Any) -> None:
         self.socket, self.tree = socket, socket.id_data
@@ -31,7 +29,7 @@ class Value:
         node.operation = operation
         sockets = [s for s in node.inputs if s.enabled]
 
-        # one or two of three are left where not asked for
+        # unused inputs keep their defaults
         for socket, value in zip(sockets, values, strict=False):
             if isinstance(value, Value):
                 self.tree.links.new(value.socket, socket)
@@ -133,14 +131,12 @@ _PLATE_GROUPS = {
     "holes": "Kiriko Mirror Array DCRA",
     "radial": "Kiriko Mirror Array Radial",
 }
-# sine of the angle to the plate, in single precision, below which light would run in its plane
+# sine of the angle to the plate, in single precision, below which light is in its plane
 _GRAZING = 1e-6
 
 
 class _Layer(NamedTuple):
-    """One direction of mirrors: unit normal, phase in
-    pitches, a length added to places along the normal.
-    """
+    """One direction of mirrors: unit normal, phase in pitches, and an offset along the normal."""
 
     normal: Value
     phase: Value
@@ -148,7 +144,7 @@ class _Layer(NamedTuple):
 
 
 class _PlateNodes:
-    """The formulas of core/light/plate.py as nodes, in the world's axes; see there."""
+    """The formulas of core/light/plate.py as nodes, in the world's axes."""
 
     def __init__(self, tree: Any, layout: str) -> None:
         self.tree, self.layout = tree, layout
@@ -156,7 +152,7 @@ class _PlateNodes:
         geometry = self.outputs("ShaderNodeNewGeometry")
         self.position = geometry["Position"]
         self.facing = geometry["True Normal"]  # towards the viewer, on either side
-        self.is_back = geometry["Backfacing"]  # 1 where the ray travels along the plate's normal
+        self.is_back = geometry["Backfacing"]  # 1 if the ray travels along the plate's normal
         self.cosine = geometry["Incoming"].dot(self.facing).node("MAXIMUM", _GRAZING)
         self.along = self.facing * self.cosine - geometry["Incoming"]
         self.normal = self.facing * (1.0 - 2.0 * self.is_back)
@@ -177,8 +173,8 @@ class _PlateNodes:
         return {socket.name: Value(socket) for socket in self.tree.nodes.new(kind).outputs}
 
     def axes(self) -> tuple[Value, Value]:
-        """The plate's own: the object's x axis in its plane (y
-        where x stands on it), and one at a right angle.
+        """The plate's axes: the object's x axis in its plane (y if x is normal to it), and the
+        perpendicular one.
         """
         own = []
         for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
@@ -221,8 +217,8 @@ class _PlateNodes:
         return _Layer(first, phases[0], offset), _Layer(second, phases[1], offset)
 
     def fold(self, layer: _Layer, shift: Value, along: Value) -> tuple[Value, Value, Value, Value]:
-        """Through one layer: how far from the hit and which way
-        light comes out, reflections, and are they odd?
+        """The path through one layer: shift from the hit, direction, number of reflections, and
+        whether it is odd.
         """
         pitch = self.input["Pitch"]
         normal = layer.normal
@@ -237,18 +233,19 @@ class _PlateNodes:
         moved = inside + is_odd * (1.0 - 2.0 * inside) - entered
         shift = shift + normal * (moved * pitch)
 
-        # along its mirrors a layer of slits lets light drift, holes do not
+        # a layer of slits lets light drift along its mirrors, holes do not
         if self.layout == "crossed":
             shift = shift + (along - normal * speed) * self.way
 
         return shift, along - normal * (2.0 * speed * is_odd), n_reflections, is_odd
 
     def crossed(self) -> tuple[Value, Value, Value, Value, Value]:
-        """Through both layers: shift, direction along the plate,
-        reflections, and are those of layers 1 and 2 odd?
+        """The path through both layers: shift, direction along the plate, number of reflections,
+        and
+        whether those of layers 1 and 2 are odd.
         """
         first, second = self.layers()
-        if self.layout != "crossed":  # two directions in one layer do not know of each other
+        if self.layout != "crossed":  # two directions in one layer are independent
             shift, along, n_first, is_odd_1 = self.fold(first, self.entry, self.along)
             shift, along, n_second, is_odd_2 = self.fold(second, shift, along)
             return shift, along, n_first + n_second, is_odd_1, is_odd_2
@@ -276,7 +273,7 @@ class _PlateNodes:
         return (s * s + p * p) * 0.5 * self.input["Fresnel"]
 
     def portal(self, shift: Value, direction: Value, colour: Value) -> Any:
-        """A shader through which light goes on from a place beside the hit."""
+        """A shader that continues light from a place next to the hit."""
         values = {"Color": colour, "Position": self.position + shift, "Direction": direction}
         node = self.tree.nodes.new("ShaderNodeBsdfRayPortal")
         for name, value in values.items():
@@ -286,20 +283,20 @@ class _PlateNodes:
     def build(self) -> None:
         """Add everything up to the group's output.
 
-        Light goes on from the face it leaves by, clear of the plane.
+        Light continues from the face it leaves, clear of the plane.
         """
         shift, along, n_reflections, odd_1, odd_2 = self.crossed()
         share = self.reflected_share()
         light = self.input
 
-        # layer 1 odd; layer 2 odd or not
+        # layer 1 odd, for both parities of layer 2
         image = light["Stray 1"] + odd_2 * (light["Image"] - light["Stray 1"])
         others = light["Through"] + odd_2 * (light["Stray 2"] - light["Through"])
         seen = others + odd_1 * (image - others)
         colour = (
             (1.0 - share) * (1.0 - share) * light["Reflectance"].node("POWER", n_reflections) * seen
         )
-        # the light that goes through, and the light that the face reflects
+        # transmitted light, and light reflected at the face
         across = self.facing * self.cosine
         face = self.facing * self.half
         beyond = self.portal(shift - face, (along - across).normalised(), colour)
@@ -315,11 +312,11 @@ class _PlateNodes:
 
 
 def plate_group(layout: str) -> bpy.types.NodeTree:
-    """New node group: a mirror array plate for Cycles, whose
-    mirrors are folds of rays and no geometry.
+    """New node group: a mirror array plate for Cycles, whose mirrors fold rays and have no
+    geometry.
 
-    For any flat mesh. Mirrors are counted from the object's origin and stand at 45
-    degrees to its x axis, as in plate.ArrayFrame. Lengths are in Blender units.
+    For any flat mesh. Mirrors are counted from the object's origin, at 45 degrees to its x axis, as
+    in plate.ArrayFrame. Lengths are in Blender units.
 
     Parameters
     ----------
@@ -350,9 +347,9 @@ def plate_group(layout: str) -> bpy.types.NodeTree:
 
 
 def _arrange(tree: Any) -> None:
-    """Put nodes into columns, each right of those it depends on."""
+    """Arrange nodes in columns, each to the right of its inputs."""
     column: dict[Any, int] = {}
-    # made in the order of the formulas: the nodes that one needs are there before it
+    # nodes are created in the order of the formulas, inputs first
     for node in tree.nodes:
         needed = [link.from_node for socket in node.inputs for link in socket.links]
         column[node] = 1 + max((column[other] for other in needed), default=-1)
@@ -367,7 +364,7 @@ def _arrange(tree: Any) -> None:
 def be_mirror_array(
     material: bpy.types.Material, array: MirrorArray, metres: float = 1.0
 ) -> bpy.types.NodeTree:
-    """Mirror array plate, all its light in Cycles.
+    """Mirror array plate with all its light in Cycles.
 
     Returns its new node group. `metres` is a Blender unit.
     """
@@ -379,7 +376,7 @@ def be_mirror_array(
         "Height": array.height / metres,
         "IOR": array.ior,
         "Reflectance": array.reflectance,
-        "Phase 1": math.fmod(array.phase[0], 1.0),  # whole pitches make no difference
+        "Phase 1": math.fmod(array.phase[0], 1.0),  # whole pitches have no effect
         "Phase 2": math.fmod(array.phase[1], 1.0),
         "Fresnel": float(array.has_fresnel),
     }

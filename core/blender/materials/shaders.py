@@ -1,4 +1,4 @@
-"""Materials that let Cycles obey the same laws as Kiriko's tracer."""
+"""Materials with which Cycles obeys the laws of Kiriko's tracer."""
 
 from typing import Any
 
@@ -38,10 +38,11 @@ def _front_only(tree: Any, output: Any, shader: Any) -> None:
 def show_image(
     material: bpy.types.Material, image: bpy.types.Image, black_level: float = 0.0
 ) -> None:
-    """Make a material emit the texels of an image, as the
-    pixels of a screen: square, sharp, on the front only.
+    """Make a material emit the texels of an image like the pixels of a screen: square, sharp, on
+    the
+    front only.
 
-    black_level : share of white's light that a black texel emits all the same
+    black_level : light of a black texel relative to white
     """
     tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
@@ -50,7 +51,7 @@ def show_image(
     texture.interpolation = "Closest"
     texture.extension = "CLIP"
 
-    # unnamed: the map used in renders, which is the one Kiriko reads
+    # unnamed: the map used in renders, which Kiriko reads
     uv = tree.nodes.new("ShaderNodeUVMap")
     tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
     colour = texture.outputs["Color"]
@@ -67,14 +68,13 @@ def show_image(
     _front_only(tree, output, emission)
     texture.location = (-520, -220)
     uv.location = (-740, -220)
-    material.cycles.emission_sampling = "NONE"  # light reaches the viewer along mirror paths only
+    material.cycles.emission_sampling = "NONE"  # only mirror paths carry light to the viewer
 
 
 def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
     """Make a material show an image as it is, unlit, on both sides.
 
-    Where its alpha makes it transparent one sees through: over black these are
-    the colours that are solved.
+    Its alpha makes it transparent: over black its colours are the solved ones.
     """
     tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
@@ -96,15 +96,15 @@ def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
 
 
 def show_coordinates(material: bpy.types.Material) -> None:
-    """Make a material emit (u, v, 1): a renderer then says
-    where on the display each viewer pixel lands.
+    """Make a material emit (u, v, 1), so a render gives the landing of each viewer pixel on the
+    display.
     """
     tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
     combine = tree.nodes.new("ShaderNodeCombineXYZ")
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
 
-    # unnamed: the map used in renders, which is the one Kiriko reads
+    # unnamed: the map used in renders, which Kiriko reads
     uv = tree.nodes.new("ShaderNodeUVMap")
     combine.inputs["Z"].default_value = 1.0
     tree.links.new(uv.outputs["UV"], split.inputs[0])
@@ -116,8 +116,9 @@ def show_coordinates(material: bpy.types.Material) -> None:
 
 
 def be_plate(material: bpy.types.Material) -> None:
-    """Ideal plane-symmetric plate: light leaves along o =
-    -i + 2 (i.n) n (Kiuchi & Koizumi 2021, eq. 3).
+    """Ideal plane-symmetric plate: light leaves along o = -i + 2 (i.n) n (Kiuchi & Koizumi 2021,
+    eq.
+    3).
 
     Cycles' Incoming is -i, so the law is its reflection about the normal.
     """
@@ -138,7 +139,7 @@ def be_plate(material: bpy.types.Material) -> None:
 def tint_in_eevee(
     material: bpy.types.Material, colour: tuple[float, float, float], opacity: float
 ) -> None:
-    """Have EEVEE draw a material as a tinted sheet, and Cycles as it did."""
+    """Have EEVEE draw a material as a tinted pane, without changing Cycles."""
     tree = material.node_tree
     for node in tree.nodes:
         if node.type == "OUTPUT_MATERIAL":
@@ -160,8 +161,8 @@ def tint_in_eevee(
 
 
 def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
-    """Smooth clear glass. Without Fresnel light is refracted, or
-    mirrored by total reflection: never parted, so that there is no noise.
+    """Smooth clear glass. Without Fresnel all light is either refracted or totally reflected, which
+    avoids noise.
     """
     tree, output = cleared(material)
     glass = _clear(tree, "ShaderNodeBsdfGlass", ior) if fresnel else _unparted(tree, ior)
@@ -170,7 +171,7 @@ def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
 
 
 def _unparted(tree: Any, ior: float) -> Any:
-    """A shader that refracts all light, or mirrors all of it."""
+    """A shader that refracts all light, or reflects all of it."""
     mix = tree.nodes.new("ShaderNodeMixShader")
     refracted = _clear(tree, "ShaderNodeBsdfRefraction", ior)
     mirrored = _clear(tree, "ShaderNodeBsdfAnisotropic")
@@ -182,7 +183,7 @@ def _unparted(tree: Any, ior: float) -> Any:
 
 
 def _clear(tree: Any, name: str, ior: float | None = None) -> Any:
-    """A shader without roughness that absorbs nothing."""
+    """A shader without roughness or absorption."""
     node = tree.nodes.new(name)
     node.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     node.inputs["Roughness"].default_value = 0.0
@@ -192,8 +193,8 @@ def _clear(tree: Any, name: str, ior: float | None = None) -> Any:
 
 
 def _is_totally_reflected(tree: Any, ior: float) -> Any:
-    """A socket that is 1 where light is totally reflected at an interface, else 0: where the square
-    of the sine of its angle is above that of the critical angle, seen from the side it comes from.
+    """A socket that is 1 for total reflection at an interface, else 0: the squared sine of the
+    incidence angle exceeds the critical angle's, on the side of the incoming light.
     """
     geometry = tree.nodes.new("ShaderNodeNewGeometry")
     cosine = tree.nodes.new("ShaderNodeVectorMath")
@@ -210,7 +211,7 @@ def _is_totally_reflected(tree: Any, ior: float) -> Any:
     tree.links.new(square.outputs[0], sine.inputs[1])
 
     tree.links.new(geometry.outputs["Backfacing"], limit.inputs[0])
-    # no sine is above 1: larger limits would only cost the smaller one its digits
+    # a sine is at most 1: a larger limit would only cost the smaller one its digits
     front, back = min(ior, 1.0) ** 2, min(1 / ior, 1.0) ** 2
     limit.inputs[1].default_value = back - front
     limit.inputs[2].default_value = front

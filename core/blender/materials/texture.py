@@ -1,4 +1,4 @@
-"""The image on a picture plane, as its material shows it."""
+"""The image texture of a picture plane's material."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -12,8 +12,9 @@ from .material import Groups, feeding, material_output
 
 @dataclass(frozen=True)
 class Texture:
-    """The image on a surface, the UV map that places it
-    ('' for the one used in renders), remarks, and when it shows which frame where it moves.
+    """The image on a surface, its UV map ('' for the one used in renders), notes, and its timing if
+    it
+    moves.
     """
 
     image: bpy.types.Image
@@ -23,8 +24,8 @@ class Texture:
 
 
 def read_texture(material: bpy.types.Material | None) -> Texture | None:
-    """The image texture nearest to the surface of a material,
-    colours before numbers; None if there is none.
+    """The image texture closest to a material's surface, colours before numbers; None if there is
+    none.
     """
     node, groups, is_altered = find_texture(material) or (None, (), False)
     return None if node is None else texture_of(node, groups, material.name, is_altered)
@@ -33,9 +34,9 @@ def read_texture(material: bpy.types.Material | None) -> Texture | None:
 def find_texture(
     material: bpy.types.Material | None, *, is_empty: bool = False
 ) -> tuple[bpy.types.Node, Groups, bool] | None:
-    """The node of that texture, the groups it stands in, and whether other nodes alter its colours.
+    """The node of this texture, its groups, and whether other nodes change its colours.
 
-    is_empty : look for one that has no image instead
+    is_empty : look for a node without an image instead
     """
     output = material_output(material)
     if output is None:
@@ -63,7 +64,7 @@ def find_texture(
 
 
 def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool) -> Texture:
-    """The texture of an Image Texture node, with the changes to it that Kiriko does not follow."""
+    """The texture of an Image Texture node, with notes on changes that Kiriko ignores."""
     notes = []
     uv_map = ""
 

@@ -1,1 +1,1 @@
-"""Renders by Cycles, as an independent judge and as viewers' images."""
+"""Renders by Cycles: previews for comparison, and viewers' images."""

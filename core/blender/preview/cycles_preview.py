@@ -1,10 +1,10 @@
-"""Renders the rig in Cycles, an independent judge of Kiriko's
-results, without touching anything of the user's.
+"""Renders the rig in Cycles, an independent check of Kiriko's results, without touching the user's
+data.
 
-A temporary scene links the user's own objects; those with a role are copied as they are evaluated,
-curved surfaces in fine triangles, with materials that obey the same laws. Cycles knows one relative
-index of refraction an interface, so nested solids get the ratio of the two media; where that is
-ambiguous the result says that the preview is not comparable.
+A temporary scene links the user's own objects. Parts are copied as evaluated, curved surfaces as
+fine triangles, with materials that obey the same laws. Cycles has one relative index of refraction
+per interface, so nested solids get the ratio of the two media; if this is ambiguous, a note says
+that the preview is not comparable.
 """
 
 import tempfile
@@ -26,21 +26,19 @@ from .preview_settings import Options, set_cycles, set_render
 
 
 class Preview:
-    """A temporary scene that shows the rig to Cycles; use as
-    a context manager, it leaves nothing behind.
+    """A temporary scene of the rig for Cycles: a context manager that leaves nothing behind.
 
     Parameters
     ----------
     scene : the user's scene, with settings in `scene.kiriko`
-    reading : by `scene.read`: the rig, whose indices of refraction are used
-    source : image datablock the display shows; None: the
-        display shows its own coordinates (u, v, 1)
-    options : how it is rendered, as `Options` has them
+    reading : the rig by `scene.read`, with its indices of refraction
+    source : image datablock on the display; None for the display's own coordinates (u, v, 1)
+    options : fields of `Options`
 
     Attributes
     ----------
-    notes : reasons why the render cannot be compared with Kiriko's result
-    path : where the render is written, linear OpenEXR
+    notes : reasons why the render is not comparable
+    path : file of the render, linear OpenEXR
     """
 
     def __init__(
@@ -74,7 +72,7 @@ class Preview:
         self.close()
 
     def close(self) -> None:
-        """Remove the temporary scene and all that was made for it."""
+        """Remove the temporary scene and its data."""
         remove_leftovers()
         self._folder.cleanup()
 
@@ -88,9 +86,8 @@ class Preview:
         return self.pixels()
 
     def pixels(self) -> np.ndarray:
-        """The render (h, w, 4) float32, linear Rec.709 or coordinates, row 0 at the top.
-
-        Only the border's part where one was given.
+        """The render (h, w, 4) float32, linear Rec.709 or coordinates, row 0 at the top; only the
+        border's part if there is a border.
         """
         if not self.is_rendered:
             raise ImageError("Cycles wrote no preview. See the console for the reason.")
@@ -99,7 +96,7 @@ class Preview:
             image = mark(bpy.data.images.load(str(self.path), check_existing=False))
             pixels = stored_numbers(image)
             bpy.data.images.remove(image)
-            # no file of which a part is missing has any, and Blender says nothing of that
+            # a truncated file has no pixels, and Blender reports no error
             if pixels.size:
                 return to_rec709(pixels) if self._is_colour else pixels
 
@@ -112,7 +109,7 @@ class Preview:
     def _fill(
         self, scene: bpy.types.Scene, reading: Reading, studio: Studio, surroundings: bool
     ) -> None:
-        """Put all that is to be seen into the temporary scene."""
+        """Fill the temporary scene."""
         view_layer = bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]
         view_layer.update()
         depsgraph = view_layer.depsgraph
@@ -137,7 +134,7 @@ def render_preview(
     Parameters
     ----------
     source_image : (H, W, 3) float, linear Rec.709, row 0 at the top; or an image datablock
-    options : as `Options` has them
+    options : fields of `Options`
 
     Returns
     -------
@@ -156,21 +153,21 @@ def render_preview(
 
 
 def render_map(scene: bpy.types.Scene, reading: Reading, **options: Any) -> np.ndarray:
-    """Where on the display the middle of each viewer pixel
-    lands, traced by Cycles with one sample a pixel.
+    """Landings of the centres of viewer pixels on the display, traced by Cycles with one sample a
+    pixel.
 
     Parameters
     ----------
-    options : size, percentage and border, as `Options` has them
+    options : size, percentage and border, fields of `Options`
 
     Returns
     -------
-    (h, w, 3) float32: u and v of the display (origin bottom left), and 1 where the path arrived,
-    else 0; row 0 at the top. Good to about 0.002 display pixels of 512.
+    (h, w, 3) float32: u and v of the display (origin bottom left), and 1 if the path arrived, else
+    0; row 0 at the top. Good to about 0.002 display pixels of 512.
     """
     with Preview(
         scene, reading, None, **options, samples=1, fresnel=False, filter_width=0.01
     ) as preview:
         carried = preview.render()[..., :3]
-    throughput = carried[..., 2:]  # below 1 behind mirrors that absorb
+    throughput = carried[..., 2:]  # below 1 behind absorbing mirrors
     return np.divide(carried, throughput, out=np.zeros_like(carried), where=throughput > 0)

@@ -1,5 +1,6 @@
-"""The rig's objects in a preview's scene: copies in materials that obey Kiriko's laws, curved glass
-as a fine mesh.
+"""The parts of a preview's scene: copies in materials that obey Kiriko's laws, curved glass as a
+fine
+mesh.
 """
 
 from collections import Counter
@@ -24,11 +25,11 @@ from ..read.scene_parts import part_name, shown_parts
 
 
 def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.types.Mesh, Matrix]:
-    """A Blender mesh of triangles in the world, with their
-    corner normals; the inverse of `in_world`.
+    """A Blender mesh of triangles in the world, with their corner normals; the inverse of
+    `in_world`.
 
-    Each triangle has vertices of its own, so that normals need
-    no sharp edges to differ between neighbours.
+    Each triangle has vertices of its own: normals can then differ between neighbours without sharp
+    edges.
 
     Parameters
     ----------
@@ -36,8 +37,7 @@ def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.type
 
     Returns
     -------
-    the mesh, about its own middle, where float32 is most
-    exact; and the matrix that puts it in place
+    the mesh about its own centre, where float32 is most exact, and its matrix in the world
     """
     middle = drawn.bounds.mean(axis=0)
     n = len(drawn.triangles)
@@ -72,12 +72,12 @@ class PreviewParts:
     Parameters
     ----------
     made : the scene to fill
-    reading : the rig, whose indices of refraction are used
-    studio : all that the looks of its parts share
+    reading : the rig, with its indices of refraction
+    studio : common settings of the parts' looks
 
     Attributes
     ----------
-    notes : reasons why the render cannot be compared with Kiriko's result
+    notes : reasons why the render is not comparable
     """
 
     def __init__(self, made: bpy.types.Scene, reading: Reading, studio: Studio) -> None:
@@ -105,7 +105,7 @@ class PreviewParts:
     ) -> set[bpy.types.Object]:
         """Put a copy of each part into the scene.
 
-        Returns the user's objects whose place a copy takes, or that make instances of such.
+        Returns the user's objects replaced by copies, including their instancers.
         """
         taken = set()
         counts: Counter[str] = Counter()
@@ -124,7 +124,7 @@ class PreviewParts:
     def _add_part(
         self, name: str, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object
     ) -> None:
-        """A copy of a part, unless it is not to be seen."""
+        """Add a copy of a part, if it is visible in previews."""
         ours = in_blender(owner.kiriko.role)
         looks = self._looks[owner.kiriko.role]
         if ours.shade is None or (looks is not None and name not in looks):
@@ -150,7 +150,7 @@ class PreviewParts:
         return material
 
     def _tessellated(self, mesh: Mesh, is_inside_out: bool) -> tuple[bpy.types.Mesh, Matrix]:
-        """A curved surface in fine triangles, facing out of the glass, and where it stands."""
+        """A curved surface as fine triangles with outward normals, and its matrix."""
         if is_inside_out:
             normals = None if mesh.corner_normals is None else -mesh.corner_normals[:, ::-1]
             mesh = replace(mesh, triangles=mesh.triangles[:, ::-1], corner_normals=normals)
@@ -164,9 +164,7 @@ class PreviewParts:
         owner: bpy.types.Object,
         look: Any,
     ) -> tuple[bpy.types.Mesh, Matrix]:
-        """The evaluated mesh of an object in one material, shared by those that look alike,
-        and where it stands.
-        """
+        """The evaluated mesh of an object in one material, shared by equal ones, and its matrix."""
         ours = owner.kiriko
         there = self._offsets.get(name, Matrix()) @ instance.matrix_world
         matrix, shear = _without_shear(there)
@@ -178,12 +176,12 @@ class PreviewParts:
             if shear is not None:
                 mesh.transform(Matrix(shear))
             if role.is_inside_out(look):
-                mesh.flip_normals()  # Cycles tells inside from outside by them
+                mesh.flip_normals()  # Cycles tells inside from outside by the normals
 
         return self._copies[key], matrix
 
     def add_camera(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        """Put the viewer into the scene, as it is evaluated and calibrated."""
+        """Put the viewer into the scene, as evaluated and calibrated."""
         viewer = viewer_of(scene)
         if viewer is None or viewer.type != "CAMERA":
             raise RigError("The rig has no viewer: add a camera and make it the viewer.")
@@ -193,7 +191,7 @@ class PreviewParts:
         camera.animation_data_clear()
 
         for name in ("lens", "ortho_scale", "shift_x", "shift_y", "sensor_width", "sensor_height"):
-            # as evaluated: it may be animated or driven
+            # evaluated values, which may be animated or driven
             setattr(camera, name, getattr(evaluated.data, name))
 
         rigs = self._reading.drawn, self._reading.rig
@@ -215,7 +213,7 @@ def add_surroundings(
     layer: bpy.types.ViewLayer,
     taken: set[bpy.types.Object],
 ) -> None:
-    """Put the world, and all objects without a role that are not taken, into a made scene."""
+    """Put the world and the remaining objects without a role into a temporary scene."""
     made.world = scene.world
     for thing in _seen_in_render(layer.layer_collection):
         if thing.kiriko.role == "NONE" and thing not in taken:
@@ -234,11 +232,11 @@ def _copy(shown: bpy.types.Object, surface: str, material: bpy.types.Material) -
 
 
 def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...] | None]:
-    """A place that an object can have, with the same x axis, and
-    the transform that its mesh has to get before, if any.
+    """A matrix an object can have, with the same x axis, and the transform to apply to its mesh
+    first,
+    if any.
 
-    Objects have a location, a rotation and a scale;
-    parents of uneven scale give them shear besides.
+    Objects have a location, a rotation and a scale; parents with uneven scale add shear.
     """
     columns = np.array(matrix, float)[:3, :3]
     turned, upper = np.linalg.qr(columns)
@@ -259,7 +257,7 @@ def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...
 
 
 def _curved_meshes(rig: Rig) -> dict[str, Mesh]:
-    """Fine triangles of the parts that are curved, by name."""
+    """Fine triangles of the curved parts, by name."""
     parts = {part.name: part.mesh for part in rig.curved_parts() if part.mesh.surface != "facets"}
     fine = {name: tessellate(mesh) for name, mesh in parts.items() if len(mesh.triangles)}
     return {name: mesh for name, mesh in fine.items() if mesh is not parts[name]}

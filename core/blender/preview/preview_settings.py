@@ -1,4 +1,4 @@
-"""Settings of Cycles for a preview: all that a path needs, and nothing that changes its colour."""
+"""Cycles settings for a preview: complete light paths with unchanged colours."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,19 +11,19 @@ from ..data.camera_viewer import frame_of, viewer_of
 
 @dataclass(frozen=True)
 class Options:
-    """How a preview is rendered.
+    """Render options of a preview.
 
     Parameters
     ----------
-    size : width and height of the whole frame in pixels; None: the viewer's
-    percentage : of that size
-    border : left, right, bottom, top of the part to render, 0..1 of the frame; None: all of it
+    size : width and height of the whole frame in pixels; None for the viewer's
+    percentage : of this size
+    border : left, right, bottom, top of the part to render, 0..1 of the frame; None for all of it
     samples : per pixel
-    fresnel : glass splits light as real glass does (noise); else it
-        refracts all of it, or mirrors all where that is total reflection
-    surroundings : objects without a role and the world are there too
-    filter_width : None: each pixel is the mean over its
-        square; else pixels, of a Blackman-Harris filter
+    fresnel : glass splits light as real glass does (noise); else it refracts or totally reflects
+        all of it
+    surroundings : include the world and objects without a role
+    filter_width : None for the mean over each pixel's square; else pixels, of a Blackman-Harris
+        filter
     """
 
     size: tuple[int, int] | None = None
@@ -35,11 +35,11 @@ class Options:
     filter_width: float | None = None
 
 
-BOUNCES = 128  # Cycles' own limit is 1024; a path that needs more than this is lost in the glass
+BOUNCES = 128  # Cycles' own limit is 1024; longer paths count as lost in the glass
 
 
 def set_render(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options, path: Path) -> None:
-    """Have a made scene render the viewer's frame of the user's scene to a file."""
+    """Have a temporary scene render the viewer's frame of the user's scene to a file."""
     render = made.render
     frame = frame_of(viewer_of(scene), scene.render)
     _use_cycles(render)
@@ -86,9 +86,7 @@ def _use_cycles(render: bpy.types.RenderSettings) -> None:
 
 
 def set_cycles(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options) -> None:
-    """Everything a path needs to reach the display, and
-    nothing that clamps, guesses or blurs its colour.
-    """
+    """Let every path reach the display, without clamping, guiding or blurring its colour."""
     cycles = made.cycles
     cycles.device = scene.cycles.device
     cycles.samples = options.samples
@@ -100,9 +98,9 @@ def set_cycles(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options) 
         setattr(cycles, f"{name}_bounces", BOUNCES)
 
     cycles.diffuse_bounces = 4
-    cycles.transparent_max_bounces = BOUNCES  # a Ray Portal counts as one of these
+    cycles.transparent_max_bounces = BOUNCES  # a Ray Portal counts as a transparent bounce
 
-    # no path ends by chance
+    # no Russian roulette
     cycles.min_light_bounces = cycles.min_transparent_bounces = BOUNCES
 
     cycles.caustics_reflective = cycles.caustics_refractive = True

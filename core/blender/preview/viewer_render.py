@@ -1,4 +1,4 @@
-"""Renders a scene as a viewer of another scene sees it, and leaves that scene as it was."""
+"""Renders a scene from the camera of another scene's viewer, and restores it."""
 
 import tempfile
 from collections.abc import Iterator
@@ -14,8 +14,8 @@ from ..data.camera_viewer import Frame
 from ..data.image import or_none
 from ..data.reports import said_by
 
-RENDERED = "kiriko_rendered"  # marks images that were rendered for a viewer
-COUPLED = {"angle", "angle_x", "angle_y"}  # which tell of the lens in other words
+RENDERED = "kiriko_rendered"  # on images rendered for a viewer
+COUPLED = {"angle", "angle_x", "angle_y"}  # other settings express the lens in different units
 NO_LAYER = Message("no view layer is used for rendering")
 
 
@@ -24,7 +24,7 @@ class Eye(NamedTuple):
 
     place : its matrix in the world
     lens : its data's values, by their paths
-    frame : that scene's, and the part of the way to the next one
+    frame : frame and subframe of its scene
     """
 
     camera: bpy.types.Object
@@ -51,8 +51,8 @@ def eye_of(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Eye:
 
 
 def render_for(other: bpy.types.Scene, eye: Eye, frame: Frame) -> bpy.types.Image:
-    """A new packed image: the scene as its own settings render it, seen by a copy of a camera, at
-    the frame of the camera's own scene.
+    """A new packed image of a scene rendered with its own settings, from a copy of a camera, at the
+    frame of the camera's scene.
 
     frame : pixels of the image
 
@@ -63,7 +63,7 @@ def render_for(other: bpy.types.Scene, eye: Eye, frame: Frame) -> bpy.types.Imag
     with tempfile.TemporaryDirectory(prefix="kiriko-") as folder:
         path = Path(folder) / "render.png"
         why = NO_LAYER
-        # Blender 5.2 ends with a signal where it has no layer to render
+        # Blender 5.2 crashes without a layer to render
         if any(layer.use for layer in other.view_layers):
             why = _rendered(other, eye, frame, path)
         camera = eye.camera
@@ -86,7 +86,7 @@ def render_for(other: bpy.types.Scene, eye: Eye, frame: Frame) -> bpy.types.Imag
 
 
 def remove_unused() -> None:
-    """Remove images that were rendered for viewers and that nobody uses any more."""
+    """Remove unused images rendered for viewers."""
     bpy.data.batch_remove(
         [
             one
@@ -97,7 +97,7 @@ def remove_unused() -> None:
 
 
 def _rendered(other: bpy.types.Scene, eye: Eye, frame: Frame, path: Path) -> str:
-    """Render a scene to a file; the reason where Blender tells one why there is none."""
+    """Render a scene to a file; returns Blender's reason if it reports a failure."""
     with _copied(other, eye) as copy, _changed(_wanted(other, copy, eye.frame, frame, path)):
         try:
             bpy.ops.render.render(scene=other.name, write_still=True)
@@ -108,9 +108,7 @@ def _rendered(other: bpy.types.Scene, eye: Eye, frame: Frame, path: Path) -> str
 
 @contextmanager
 def _copied(other: bpy.types.Scene, eye: Eye) -> Iterator[bpy.types.Object]:
-    """A copy of a camera in another scene, in the very place and with its lens as it is now, for as
-    long as the code within.
-    """
+    """Context with a copy of a camera in another scene, with the same place and lens."""
     copy, lens = eye.camera.copy(), eye.camera.data.copy()
     try:
         for one in (copy, lens):
@@ -136,12 +134,12 @@ def _wanted(
     frame: Frame,
     path: Path,
 ) -> list[tuple[Any, str, Any]]:
-    """The settings of a scene by which it is rendered to a file: owner, name and value."""
+    """A scene's settings for rendering to a file: owner, name and value."""
     render = other.render
     form = render.image_settings
     width, height = frame.size
     return [
-        # the kind of file comes first, for the others depend on it
+        # the media type comes first, since the others depend on it
         *([(form, "media_type", "IMAGE")] if hasattr(form, "media_type") else []),
         (form, "file_format", "PNG"),
         (form, "color_mode", "RGBA"),
@@ -156,20 +154,20 @@ def _wanted(
         (render, "use_border", False),
         (render, "use_multiview", False),
         (render, "use_sequencer", False),
-        (render, "use_stamp", False),  # burns words into the picture
+        (render, "use_stamp", False),  # burns text into the image
         (other, "camera", camera),
-        # Blender renders the frame of the scene that is open, and leaves the other one there
+        # Blender renders the frame of the open scene, and leaves the other scene at it
         (other, "frame_current", when[0]),
         (other, "frame_subframe", when[1]),
-        # markers would have another camera rendered
+        # markers would switch the camera
         *((marker, "camera", None) for marker in other.timeline_markers if marker.camera),
-        # each viewer's would overwrite the files of the one before
+        # each viewer would overwrite the files of the previous one
         *((node, "mute", True) for node in _file_outputs(_compositing(other))),
     ]
 
 
 def _compositing(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
-    """The nodes that a scene's render goes through."""
+    """The node tree of a scene's render."""
     name = "compositing_node_group" if bpy.app.version >= (5, 0) else "node_tree"
     return getattr(scene, name)
 
@@ -177,7 +175,7 @@ def _compositing(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
 def _file_outputs(
     tree: bpy.types.NodeTree | None, known: frozenset[int] = frozenset()
 ) -> Iterator[bpy.types.Node]:
-    """The nodes of a tree, and of groups in it, that write files."""
+    """The nodes that write files, in a tree and its groups."""
     if tree is None or tree.session_uid in known:
         return
     for node in tree.nodes:
@@ -189,12 +187,10 @@ def _file_outputs(
 
 @contextmanager
 def _changed(values: list[tuple[Any, str, Any]]) -> Iterator[None]:
-    """Settings with other values for as long as the code within; each is put back, whether or not
-    another can be.
-    """
+    """Context with other values of settings; each is restored, even if another cannot be."""
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in values]
     with ExitStack() as stack:
-        for one in reversed(before):  # the kind of file is the first again
+        for one in reversed(before):  # restores the media type first
             stack.callback(setattr, *one)
         for owner, name, value in values:
             setattr(owner, name, value)

@@ -1,4 +1,4 @@
-"""Glass, plates and pictures of a rig, as their objects and materials have them."""
+"""Glass, plates and pictures of a rig, read from their objects and materials."""
 
 from dataclasses import dataclass
 
@@ -28,20 +28,23 @@ from .plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
 from .scene_parts import WorldPart
 from .shapes import ShapeCache
 
-# cosine between a plate's normal and its x axis above which that axis does not lie in it
+# cosine between a plate's normal and its x axis; above it the y axis is used
 UPRIGHT = 0.99
-OVERRIDE, DEFAULT = Message("override"), Message("default")  # sources of an index beside shaders
+OVERRIDE, DEFAULT = (
+    Message("override"),
+    Message("default"),
+)  # sources of an index other than shaders
 PICTURE = next(role for role in ROLES if role.name == "PICTURE")
-DEFAULT_IOR = GLASSES["Acrylic"].ior  # for glass whose material does not refract
+DEFAULT_IOR = GLASSES["Acrylic"].ior  # for glass without a refractive material
 
 
 @dataclass(frozen=True)
 class MaterialReading:
     """One material of a glass object, as read.
 
-    `source` is the shader that gave the index, 'override' or
-    'default'; `ignored` is in the material but not followed;
-    `own_ior` is the material's index, which renders have.
+    source : the shader with the index, 'override' or 'default'
+    ignored : settings of the material that Kiriko ignores
+    own_ior : the material's index, used in renders
     """
 
     object_name: str
@@ -55,8 +58,8 @@ class MaterialReading:
 def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]]:
     """A glass with the index of its most used refractive material, or the override.
 
-    The settings are the original object's: drivers and keys are written to them
-    too, while the evaluated copy does not hear of a script's settings.
+    Settings come from the original object: drivers and keyframes write to it, while the evaluated
+    copy misses a script's changes.
     """
     settings = part.owner.kiriko
     readings, notes = _readings_of(part)
@@ -81,7 +84,7 @@ def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]
 
 
 def _readings_of(part: WorldPart) -> tuple[list[MaterialReading], list[str]]:
-    """The refractive materials of a glass, with the override where there is one; their notes."""
+    """The refractive materials of a glass, with the override if there is one; their notes."""
     settings = part.owner.kiriko
     readings = []
     notes = []
@@ -108,11 +111,10 @@ def _readings_of(part: WorldPart) -> tuple[list[MaterialReading], list[str]]:
 
 
 def _notes_on_materials(part: WorldPart, readings: list[MaterialReading]) -> list[str]:
-    """Notes on materials that do not refract, and on those that disagree."""
+    """Notes on materials that do not refract, or disagree on the index."""
     name = part.owner.name
     notes = []
 
-    # faces whose material does not refract
     plain = sorted(
         {m.name for m in part.materials if m is not None} - {r.material_name for r in readings}
     )
@@ -126,7 +128,6 @@ def _notes_on_materials(part: WorldPart, readings: list[MaterialReading]) -> lis
             )
         )
 
-    # materials that disagree on the index
     others = {r.ior for r in readings} - {readings[0].ior}
     if others:
         listed = ", ".join(f"{ior:.4g}" for ior in sorted(others))
@@ -145,7 +146,7 @@ def _notes_on_materials(part: WorldPart, readings: list[MaterialReading]) -> lis
 
 
 def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:
-    """The mirrors that a plate's settings, whose model is not ideal, tell of."""
+    """The mirrors of a plate's settings, for a model other than ideal."""
     return MirrorArray(
         layout=ours.model.lower(),
         pitch=1e-3 * ours.pitch,
@@ -159,8 +160,9 @@ def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:
 
 
 def read_plate(part: WorldPart) -> Plate:
-    """A plate with its mirrors, counted from the object's origin
-    and turned with its x axis, or y if x stands on it.
+    """A plate with its mirrors, relative to the object's origin and x axis, or y if x is normal to
+    the
+    plate.
     """
     if part.owner.kiriko.plate.model == "IDEAL" or part.matrix is None:
         return Plate(part.name, part.mesh)
@@ -178,9 +180,7 @@ def read_plate(part: WorldPart) -> Plate:
 
 
 def shown_image(part: WorldPart) -> tuple[bpy.types.Image, Timing | None, list[str]]:
-    """The image that is solved for a picture plane, when it shows which of its frames where a node
-    tells that, and notes on it.
-    """
+    """The solved image of a picture plane, its timing if a node gives one, and notes."""
     name = part.owner.name
     texture = part.texture
     notes = []
@@ -210,14 +210,14 @@ def shown_image(part: WorldPart) -> tuple[bpy.types.Image, Timing | None, list[s
 
 
 def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
-    """How light a picture's settings want it."""
+    """The tone of a picture's settings."""
     return Tone(ours.brightness, ours.gamma, ours.black_level)
 
 
 def read_picture(part: WorldPart, kept: ShapeCache) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image.
 
-    Its faces are asked for first: the material of one that has none is on no face.
+    The mesh is checked first: without faces no material shows an image.
     """
     name = part.owner.name
     part.mesh.check(owner(PICTURE, part))
@@ -245,9 +245,9 @@ def read_picture(part: WorldPart, kept: ShapeCache) -> tuple[Picture, list[str]]
 def place_of(
     image: bpy.types.Image, name: str, mesh: Mesh | None = None, number: int | None = None
 ) -> PicturePlace:
-    """The place of a picture with this image, of which no pixels are read.
+    """The place of a picture with this image; no pixels are read.
 
-    number : the frame of an image that moves, which is looked up where Blender knows none yet
+    number : the frame of a moving image, loaded if its size is not known yet
     """
     with at_frame(image, number if min(image.size) < 1 else None, name) as shown:
         width, height = shown.size
@@ -255,7 +255,7 @@ def place_of(
 
 
 def about(image: bpy.types.Image) -> list[str]:
-    """Notes on an image of which only a part was read."""
+    """Notes on an image that was read only in part."""
     if image.source == "TILED":
         return [Message("Only the first tile of the image '{image}' is used.", image=image.name)]
     return []

@@ -1,4 +1,4 @@
-"""A flat rectangle that an image is laid out on by its UV map, its sides, and how to set them."""
+"""Sides of a flat rectangle with an image by its UV map, and resizing of it."""
 
 import bpy
 import numpy as np
@@ -9,13 +9,13 @@ from ..data.rectangle import sides, uv_axes
 from .read_mesh import column, mesh_of, uv_layer
 from .resize import RESIZED_WITHIN, refuse_held, rescale
 
-ALONG = 1e-5  # of its length: how far a direction may be off an axis that it goes along
+ALONG = 1e-5  # of its length: the largest deviation of a direction along an axis
 
 
 def size_of(
     context: bpy.types.Context, thing: bpy.types.Object, uv_map: str = ""
 ) -> tuple[float, float]:
-    """Width and height in the world, Blender units, at which a whole image is shown.
+    """Width and height in the world, Blender units, of the whole image.
 
     uv_map : '' for the one used in renders
 
@@ -28,18 +28,18 @@ def size_of(
 def give_size(
     context: bpy.types.Context, thing: bpy.types.Object, size: tuple[float, float]
 ) -> None:
-    """Make a rectangle this wide and high, Blender units, about its middle; its children stay.
+    """Give a rectangle this width and height, Blender units, about its centre; its children stay.
 
     Raises
     ------
-    RigError : the reason why it cannot be, a clause for a sentence; everything is as it was
+    RigError : the reason, as a clause; everything is as before
     """
     refuse_held(thing)
     context.view_layer.update()
     points, axes = laid_out(context, thing)
 
     def missing(matrix: Floats) -> Floats:
-        """Factors (2,) by which its sides are too short."""
+        """Factors (2,) from its sides to the wanted ones."""
         return np.array(size) / sides(axes @ matrix[:3, :3].T)
 
     factors = axis_factors(axes, missing(np.array(thing.matrix_world, float)))
@@ -55,8 +55,9 @@ def give_size(
 def laid_out(
     context: bpy.types.Context, thing: bpy.types.Object, uv_map: str = ""
 ) -> tuple[Floats, Floats]:
-    """Vertices (n, 3) of a rectangle as shown, and the ways (2, 3)
-    that a whole u and v go, in its own coordinates.
+    """Vertices (n, 3) of a rectangle as shown, and the vectors (2, 3) of a whole u and v, in its
+    own
+    coordinates.
     """
     if thing.type == "EMPTY":
         raise RigError("it is an instance")
@@ -79,7 +80,7 @@ def laid_out(
 
 
 def axis_factors(axes: Floats, factors_of_ways: Floats) -> Floats:
-    """Factors (3,) for an object's axes that multiply its two ways (2, 3) by factors (2,)."""
+    """Factors (3,) for an object's axes that scale its two vectors (2, 3) by factors (2,)."""
     lengths = np.linalg.norm(axes, axis=1)
     off = np.sqrt(np.maximum(lengths[:, None] ** 2 - axes**2, 0))
     along = [
@@ -89,9 +90,9 @@ def axis_factors(axes: Floats, factors_of_ways: Floats) -> Floats:
     if along == [None, None]:
         raise RigError("its mesh is rotated in the object (scale it in Edit Mode)")
 
-    # a thing without thickness may be scaled along it, too, so that an even scale stays even
+    # a flat object may be scaled across its plane, too, which keeps an even scale even
     factors = np.full(3, np.sqrt(np.prod(factors_of_ways)))
-    # the other way is across the axis of this one: scaled evenly, it keeps its direction
+    # the other vector is perpendicular to this one's axis: scaled evenly, it keeps its direction
     if None in along:
         factors[:] = factors_of_ways[along.index(None)]
 

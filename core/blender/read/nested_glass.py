@@ -1,7 +1,7 @@
-"""Glass in glass, as Cycles has to be told of it.
+"""Nested glass, converted for Cycles.
 
-Kiriko finds the medium at a point from all solids and their priorities; Cycles knows one
-relative index of refraction a surface, and which side is inside from its normals.
+Kiriko finds the medium at a point from all solids and their priorities. Cycles has one relative
+index of refraction per surface, and tells inside from outside by its normals.
 """
 
 from collections.abc import Iterable
@@ -18,19 +18,19 @@ from ...glass.surfaces import Surface
 from ...rig.rig import WAVELENGTH, Glass
 from .elements import MaterialReading
 
-CLOSE = 1e-5  # solids nearer than this share of their size touch
-MOST_ASKED = 20_000  # vertices asked for their distance to another solid
-SAME_VOLUMES = 1e-3  # volumes that differ by less than this share are the same
-MOST_TRIANGLES = 300_000  # with more of them nobody is to wait for `reasons`
-SAME = 1e-4  # indices that differ by less are the same
+CLOSE = 1e-5  # solids closer than this fraction of their size touch
+MOST_ASKED = 20_000  # vertices tested for their distance to another solid
+SAME_VOLUMES = 1e-3  # volumes with a smaller relative difference are equal
+MOST_TRIANGLES = 300_000  # for more of them `reasons` would take too long
+SAME = 1e-4  # indices with a smaller difference are equal
 
 
 @dataclass(frozen=True)
 class Interface:
-    """The surface of a glass object, to a renderer.
+    """The surface of a glass object for a renderer.
 
-    index : ratio of its index to that of the medium around it; None where it changes nothing
-    is_inside_out : all its faces are drawn looking into the glass
+    index : ratio of its index to the surrounding medium's; None if it changes nothing
+    is_inside_out : all its faces are drawn with inward normals
     """
 
     index: float | None
@@ -38,9 +38,7 @@ class Interface:
 
 
 class _Solids:
-    """All solids of a rig, the glass each belongs to, and which of them touch or hold
-    each other.
-    """
+    """All solids of a rig, each with its glass, and whether they touch or contain each other."""
 
     def __init__(self, glasses: tuple[Glass, ...]) -> None:
         self.glasses = glasses
@@ -54,23 +52,23 @@ class _Solids:
         self.volumes = np.array([abs(solid.volume) for solid in self.surfaces])
         self.boxes = np.array([solid.bounds for solid in self.surfaces]).reshape(-1, 2, 3)
 
-        # near it float32 is exact enough
+        # float32 is exact enough near it
         self._centre = self.boxes.mean(axis=(0, 1)) if found else np.zeros(3)
         self._trees: dict[int, BVHTree] = {}
 
     def rank(self, i: int) -> tuple[int, float]:
-        """By this the solid that is there is chosen where several overlap: the highest."""
+        """Rank of overlapping solids: the highest one fills the overlap."""
         return self.glasses[self.owners[i]].priority, -self.volumes[i]
 
     def near(self, i: int) -> list[int]:
-        """Solids whose boxes overlap that of i."""
+        """Solids whose boxes overlap the box of i."""
         low = self.boxes[:, 0]
         high = self.boxes[:, 1]
         overlap = ((low <= high[i]) & (low[i] <= high)).all(axis=1)
         return [int(j) for j in np.flatnonzero(overlap) if j != i]
 
     def holds(self, j: int, i: int) -> bool:
-        """Is solid i, which j does not cut, inside j?"""
+        """Whether solid i, which does not intersect j, is inside j."""
         return self.volumes[j] > self.volumes[i] and bool(
             contains(self.surfaces[j].corners, self.surfaces[i].corners[0, :1])[0]
         )
@@ -88,7 +86,7 @@ class _Solids:
         return self._trees[i]
 
     def touch(self, i: int, j: int) -> bool:
-        """Do two solids cut or touch each other?"""
+        """Whether two solids intersect or touch."""
         if self._tree(i).overlap(self._tree(j)):
             return True
 
@@ -106,8 +104,9 @@ class _Solids:
 
 
 def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
-    """The surface of each glass object to a renderer, and one
-    sentence for each reason why it cannot be told.
+    """The surface of each glass object for a renderer, and a sentence for each reason why a preview
+    is
+    not comparable.
     """
     solids = _Solids(glasses)
     ratios: list[set[float | None]] = [set() for _ in glasses]
@@ -124,7 +123,7 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
             )
             reasons[Message("{who} touch or overlap, which Cycles cannot render", who=who)] = None
 
-        # the index is a ratio to the innermost solid around it
+        # relative to the innermost solid around it
         around = max((j for j in near if solids.holds(j, i)), key=solids.rank, default=None)
         if around is None:
             ratios[k].add(glasses[k].ior.at(WAVELENGTH))
@@ -159,21 +158,19 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
 
 
 def _side(glass: Glass, solids: list[Surface]) -> float:
-    """+1 where the faces look out of the glass as drawn, -1
-    where they all look in, else something between.
-    """
+    """+1 if all faces are drawn outward, -1 if all are inward, else between."""
     volume = sum(solid.volume for solid in solids)
     if volume == 0 or any(solid.n_open for solid in solids):
-        return 1.0  # a surface that encloses nothing is taken as drawn
+        return 1.0  # an open surface is used as drawn
     return volume_of(glass.mesh.corners) / volume
 
 
 def reasons(glasses: tuple[Glass, ...], materials: Iterable[MaterialReading]) -> list[Message]:
-    """Why Cycles shows the artist's own glass otherwise than Kiriko follows it: a clause for each
-    reason, without a full stop.
+    """Clauses, without a full stop, on why Cycles shows the artist's own glass differently from
+    Kiriko.
 
-    Cycles takes a material's index for a ratio to air and a face's normal for the way out, and
-    knows no priorities.
+    Cycles takes a material's index as a ratio to air and a face's normal as outward, and has no
+    priorities.
     """
     if sum(len(glass.mesh.triangles) for glass in glasses) > MOST_TRIANGLES:
         return []

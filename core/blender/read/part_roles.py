@@ -1,4 +1,4 @@
-"""A role in Blender: how such a part is read, and its look in Cycles.
+"""Blender's side of a role: how to read such a part, and its look in Cycles.
 
 Each role has a file `role_<name>.py` with both, found by the role's name.
 """
@@ -25,12 +25,12 @@ class FoundPart(NamedTuple):
 
 
 class Studio(NamedTuple):
-    """All that looks in a preview share.
+    """Settings common to all looks in a preview.
 
-    source : image that the display shows; None: its own coordinates (u, v, 1)
+    source : image on the display; None for the display's own coordinates (u, v, 1)
     fresnel : glass splits light as real glass does
     metres : length of a Blender unit
-    mark : notes data that must not outlive the preview, and returns it
+    mark : marks temporary data of the preview, and returns it
     """
 
     source: bpy.types.Image | None
@@ -40,19 +40,19 @@ class Studio(NamedTuple):
 
 
 def no_looks(rig: Rig) -> tuple[None, list[str]]:
-    """All parts of the role look alike."""
+    """The same look for all parts of a role."""
     return None, []
 
 
 class InBlender(NamedTuple):
-    """A role in Blender.
+    """Blender's side of a role.
 
-    read : the part of the rig of an object, with the meshes and pixels kept from before
-    shade : gives a material the look of a part in Cycles; takes the material, the part's own look,
-        and the studio. None: it is not in a preview
-    looks : by name, the parts of a rig in a preview, each with all that its own look depends on;
-        and reasons why a preview cannot be compared. None for the names: all, and all alike
-    is_inside_out : whether a part with such a look is drawn with its inside out
+    read : the part of the rig of an object, with cached meshes and pixels
+    shade : gives a material a part's look in Cycles; arguments are the material, the part's own
+        look, and the studio. None if the role is not in previews
+    looks : from a rig, its previewed parts by name, each with the values of its own look, and
+        reasons why a preview is not comparable. None instead of names: all parts, all alike
+    is_inside_out : whether a part with such a look is drawn inside out
     """
 
     read: Callable[[WorldPart, ShapeCache], FoundPart]

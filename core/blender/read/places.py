@@ -1,5 +1,5 @@
-"""Reads the evaluated scene into a Rig that need not be whole, for what is drawn over it: parts
-that are missing, hidden or faulty are left out, and no pixel of the picture is read.
+"""Reads the evaluated scene into an incomplete Rig for the overlay: missing, hidden or faulty parts
+are left out, and no pixels of the picture are read.
 """
 
 from collections.abc import Iterator
@@ -22,16 +22,17 @@ from .shapes import ShapeCache
 
 
 class PlaceCache(ShapeCache):
-    """Keeps meshes as `MeshCache` does; pixels are not asked for."""
+    """Caches meshes as `MeshCache` does, without pixels."""
 
     _are_compared = True
 
 
 def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: PlaceCache) -> Rig:
-    """The rig of a scene at this frame as far as it is there, with
-    a calibration's offset, and of its picture the place alone.
+    """The existing parts of a scene's rig at this frame, with a calibration's offset; of the
+    picture
+    only its place.
 
-    Raises RigError for an object with a role that can be no part of a rig.
+    Raises RigError for an object with a role that cannot be a part.
     """
     metres = length_of_unit(scene)
     parts, _ = read_parts(depsgraph, scene, metres, kept)
@@ -59,7 +60,7 @@ def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: Pl
 def _viewers(
     depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float
 ) -> Iterator[Viewer]:
-    """The viewers whose places Blender keeps up to date, and that can be some."""
+    """The valid viewers whose transforms are up to date."""
     for seat in seats_of(scene):
         camera = seat.camera
         if camera is not None and not is_deleted(camera) and is_placed(camera, depsgraph):
@@ -68,7 +69,7 @@ def _viewers(
 
 
 def _read(part: WorldPart, kept: PlaceCache) -> Any:
-    """A part as its role reads it, but of a picture the place alone."""
+    """A part as its role reads it; of a picture only its place."""
     if part.role == "PICTURE":
         image, timing, _ = shown_image(part)
         return place_of(image, part.name, part.mesh, number_at(image, timing, part.frame))

@@ -1,6 +1,4 @@
-"""A picture's plane: the image that it shows, which is the one
-that is solved, and its shape beside that image's.
-"""
+"""A picture's plane: the image it shows, which is the solved one, and its proportions."""
 
 import bpy
 import numpy as np
@@ -20,14 +18,14 @@ from .resize import RESIZED_WITHIN, refuse_held, rescale
 from .scene_picture import UNREADABLE, check_at, check_readable
 
 MATERIAL = "Kiriko Picture"
-UNSEEN_SQUEEZE = 0.005  # share of a side: an image squeezed by less looks as it should
+UNSEEN_SQUEEZE = 0.005  # fraction of a side: less squeezing is invisible
 FIT_BUTTON = Message("press Fit to Image in the Kiriko tab")
 
 
 def own_materials(thing: bpy.types.Object) -> list[bpy.types.Material]:
-    """The materials in an object's own slots that are on its faces, those on most faces first.
+    """The materials in an object's own slots that its faces use, the most used first.
 
-    All of them where only modifiers make faces, as of a profile that is turned.
+    All of them if only modifiers make faces, as of a Screw profile.
     """
     slots = thing.material_slots
     has_faces = thing.type == "MESH" and len(thing.data.polygons) > 0
@@ -45,34 +43,32 @@ def own_texture(thing: bpy.types.Object) -> Texture | None:
 
 
 def texture_showing(thing: bpy.types.Object, image: bpy.types.Image | None) -> Texture | None:
-    """The image texture of an object's own materials, where that shows this image."""
+    """The image texture of an object's own materials, if it has this image."""
     texture = own_texture(thing)
     return texture if texture is not None and texture.image == image else None
 
 
 def chosen_image(thing: bpy.types.Object) -> bpy.types.Image | None:
-    """The image that was chosen for a plane; None where none
-    was, so that its material alone tells the picture.
+    """The image chosen for a plane; None if none was, and its material alone defines the picture.
 
-    Once the plane's own material shows the chosen image, the material is the
-    only truth: who changes the image there, changes the picture.
+    Once the plane's own material shows the chosen image, only the material counts: changing its
+    image changes the picture.
     """
     texture = own_texture(thing) if thing.kiriko.is_image_shown else None
     return thing.kiriko.image if texture is None else texture.image
 
 
 def image_of(thing: bpy.types.Object) -> bpy.types.Image | None:
-    """The picture of a plane, as far as the object itself tells it."""
+    """The picture of a plane, from the object itself."""
     image = chosen_image(thing)
     texture = own_texture(thing)
     return texture.image if image is None and texture is not None else image
 
 
 def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
-    """Make an object's own material show an image; returns whether it can.
+    """Make an object's own material show an image; returns whether this is possible.
 
-    Materials that others use, too, are copied before they are
-    changed, and the copy linked to the object.
+    A material with other users is copied first, and the copy linked to the object.
     """
     data = thing.data
     if image.type in UNREADABLE or not thing.is_editable or not hasattr(data, "materials"):
@@ -97,7 +93,7 @@ def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
 
 
 def set_shown_timing(thing: bpy.types.Object, image: bpy.types.Image, timing: Timing) -> None:
-    """Have an object's own material, where it shows a moving image, show it by this timing."""
+    """Set the timing of a moving image in an object's own material, if it shows the image."""
     for material in own_materials(thing):
         found = find_texture(material)
         if found is not None and found[0].image == image:
@@ -108,8 +104,9 @@ def set_shown_timing(thing: bpy.types.Object, image: bpy.types.Image, timing: Ti
 def _own_node(
     thing: bpy.types.Object, material: bpy.types.Material, is_empty: bool
 ) -> bpy.types.Node:
-    """The image texture of a material of an object, in a
-    material and in node groups that no one else uses.
+    """The image texture node of an object's material, after copying the material and node groups
+    with
+    other users.
     """
     own = {thing, thing.data} if thing.data.users == 1 else {thing}
     if not material.is_editable or bpy.data.user_map(subset=[material])[material] - own:
@@ -131,9 +128,9 @@ def _own_node(
 
 
 def _give_material(thing: bpy.types.Object, image: bpy.types.Image) -> None:
-    """Give an object whose materials show no image one that does.
+    """Give an object a material that shows an image.
 
-    Its own stay in the mesh and in the file.
+    Its own materials stay in the mesh and in the file.
     """
     material = bpy.data.materials.new(MATERIAL)
     try:
@@ -150,9 +147,7 @@ def _give_material(thing: bpy.types.Object, image: bpy.types.Image) -> None:
 
 
 def _keep(image: bpy.types.Image | None) -> None:
-    """Have an image that nothing shows any more saved with
-    the file where there is no other file of it.
-    """
+    """Keep an image without users in the file if it has no other file."""
     if (
         image is not None
         and not image.users
@@ -162,10 +157,9 @@ def _keep(image: bpy.types.Image | None) -> None:
 
 
 def squeeze(size: tuple[float, float] | None, image_size: tuple[int, int]) -> float:
-    """How wide an image is shown on a plane beside how wide it
-    is, of the same height: 1 is as it is, or not known.
+    """Ratio of an image's width on a plane to its right width, for the same height; 1 if unknown.
 
-    size : width and height at which the plane shows the whole image
+    size : width and height of the whole image on the plane
     image_size : width and height of the image, px
     """
     width, height = image_size
@@ -175,7 +169,7 @@ def squeeze(size: tuple[float, float] | None, image_size: tuple[int, int]) -> fl
 
 
 def squeezed_words(factor: float) -> str:
-    """By how much an image is squeezed, to follow 'is'; '' where no one would see it."""
+    """Words after 'is' for a squeezed image; '' if the squeezing is invisible."""
     if abs(factor - 1) <= UNSEEN_SQUEEZE:
         return ""
     if factor < 1:
@@ -184,12 +178,13 @@ def squeezed_words(factor: float) -> str:
 
 
 def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
-    """Give a picture's plane the shape of its image by the
-    object's scale, its area kept; returns how wide it was.
+    """Scale a picture's plane to the proportions of its image, with the same area; returns the
+    earlier
+    `squeeze`.
 
     Raises
     ------
-    RigError : the reason why it cannot be, a clause for a sentence; everything is as it was
+    RigError : the reason, as a clause; everything is as before
     ImageError : the image has no pixels, a whole sentence
     """
     image_size = _image_size(thing, context.scene)
@@ -211,13 +206,13 @@ def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
 
 
 def shown_as(context: bpy.types.Context, thing: bpy.types.Object) -> float:
-    """How wide a picture's plane shows its image, as by `squeeze`; raises as `fit` does."""
+    """The `squeeze` of a picture's plane; raises as `fit` does."""
     image_size = _image_size(thing, context.scene)
     return squeeze(plane_size(context, thing), image_size)
 
 
 def plane_size(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[float, float]:
-    """Width and height in the world at which a plane shows a whole image.
+    """Width and height in the world of the whole image on a plane.
 
     Raises RigError, a clause for a sentence.
     """
@@ -225,15 +220,15 @@ def plane_size(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[flo
 
 
 def _uv_map(thing: bpy.types.Object) -> str:
-    """The UV map by which a plane shows its picture; '' for the one used in renders."""
+    """The UV map of a plane's picture; '' for the one used in renders."""
     texture = texture_showing(thing, image_of(thing))
     return "" if texture is None else texture.uv_map
 
 
 def check_shown(thing: bpy.types.Object, image: bpy.types.Image, scene: bpy.types.Scene) -> None:
-    """Raise ImageError where the image that a plane shows is not there, at the scene's frame.
+    """Raise ImageError if a plane's image is missing at the scene's frame.
 
-    Nothing is changed: the checklist asks while panels are drawn.
+    Nothing is changed, since the checklist calls this while panels are drawn.
     """
     check_at(image, _frame_shown(thing, image, scene), _owner(thing))
 
@@ -241,7 +236,7 @@ def check_shown(thing: bpy.types.Object, image: bpy.types.Image, scene: bpy.type
 def _frame_shown(
     thing: bpy.types.Object, image: bpy.types.Image, scene: bpy.types.Scene
 ) -> int | None:
-    """The frame of a plane's image at the scene's; None where it stands still."""
+    """The frame of a plane's image at the scene's frame; None for a still image."""
     if not is_moving(image):
         return None
     texture = texture_showing(thing, image)
@@ -249,7 +244,7 @@ def _frame_shown(
 
 
 def film_of(thing: bpy.types.Object) -> tuple[bpy.types.Image, Timing] | None:
-    """The movie that a plane shows, and when; None if it shows none."""
+    """The movie on a plane and its timing; None if there is none."""
     image = image_of(thing)
     if image is None or image.source != "MOVIE" or image.frame_duration < 2:  # a still GIF
         return None
@@ -258,7 +253,7 @@ def film_of(thing: bpy.types.Object) -> tuple[bpy.types.Image, Timing] | None:
 
 
 def _image_size(thing: bpy.types.Object, scene: bpy.types.Scene) -> tuple[int, int]:
-    """Width and height of the image that a plane shows, px, at the scene's frame."""
+    """Width and height of a plane's image, px, at the scene's frame."""
     image = image_of(thing)
     if image is None:
         raise RigError("it shows no image")

@@ -1,4 +1,4 @@
-"""Turns Blender meshes into triangles in the world. Their float32 numbers are taken as exact."""
+"""Converts Blender meshes to triangles in the world. Their float32 numbers count as exact."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,18 +14,18 @@ from ...base.products import turn
 from ...glass.weld import welded
 from ...rig.rig import Mesh, SurfaceChoice
 
-# twice a triangle's area over its longest edge squared: below it float32 left nothing of its height
+# twice a triangle's area over its longest edge squared: float32 cannot resolve a smaller height
 NO_AREA = 1e-12
 
-# of a mesh's size: two copies of a vertex, each rounded to float32 once or twice, differ by less
+# of a mesh's size: copies of a vertex, rounded to float32 once or twice, differ by less
 COPIED = 4 * 2.0**-23
 
-SAME_FLOAT32_NORMAL = 1e-6  # normals that differ by less are the same but for float32
+SAME_FLOAT32_NORMAL = 1e-6  # normals with a smaller difference are equal in float32
 
 
 @contextmanager
 def mesh_of(shown: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
-    """The mesh of an evaluated object, as its modifiers make it; it is gone afterwards."""
+    """The mesh of an evaluated object with its modifiers; freed at the end."""
     try:
         yield shown.to_mesh()
     finally:
@@ -40,29 +40,28 @@ def column(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:
 
 
 def cofactors(matrix: Floats) -> Floats:
-    """Cofactor matrix (3, 3): det(M) times the inverse
-    transpose of M, which exists for a singular M, too.
+    """Cofactor matrix (3, 3): det(M) times the inverse transpose of M; it also exists for a
+    singular
+    M.
     """
     a, b, c = matrix
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
 
 
 def world_normals(normals: Floats, linear: Floats) -> Floats:
-    """Unit normals (n, 3) in the world of local ones, by
-    the inverse transpose: outward stays outward.
+    """Unit normals (n, 3) in the world from local ones, by the inverse transpose, which keeps
+    outward
+    normals outward.
     """
     turned = turn(cofactors(linear) * (-1.0 if np.linalg.det(linear) < 0 else 1.0), normals)
     length = np.sqrt(np.einsum("ij,ij->i", turned, turned))
     length[length == 0] = 1.0
-    turned /= length[:, None]  # in place: a million triangles have three million corners
+    turned /= length[:, None]  # in place, since a million triangles have three million corners
     return turned
 
 
 def has_area(vertices: Floats, triangles: Ints) -> Bools:
-    """Which triangles (t, 3) span a plane.
-
-    Those with corners that are not numbers count as such.
-    """
+    """Mask of the triangles (t, 3) that span a plane, including any with non-finite corners."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     with np.errstate(invalid="ignore", over="ignore"):
         twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -71,7 +70,7 @@ def has_area(vertices: Floats, triangles: Ints) -> Bools:
 
 
 def used_slots(mesh: bpy.types.Mesh) -> tuple[int, ...]:
-    """Material slots on the faces of a mesh, most faces first."""
+    """Material slots on the faces of a mesh, the most used first."""
     counts = np.bincount(column(mesh.polygons, "material_index", 1, np.int32))
     return tuple(int(k) for k in np.argsort(-counts, kind="stable") if counts[k])
 
@@ -83,16 +82,17 @@ def uv_layer(mesh: bpy.types.Mesh, name: str) -> Any | None:
 
 
 def has_means(mesh: bpy.types.Mesh) -> bool:
-    """Are a Blender mesh's corner normals means over the faces
-    around each vertex, not given by the artist?
+    """Whether a Blender mesh's corner normals are means over the faces around each vertex, not
+    custom
+    ones.
 
-    Blender marks custom normals that are its own means to 1e-4 with zeros; and up to 4.5 it
-    hands others on, as zeros, through a subdivision modifier that does not use them.
+    Blender stores custom normals equal to its own means to 1e-4 as zeros. Up to 4.5 a subdivision
+    modifier without custom normals passes others on as zeros, too.
     """
     if not mesh.has_custom_normals:
         return True
 
-    if bpy.app.version < (4, 5):  # it does not show those numbers
+    if bpy.app.version < (4, 5):  # these values are not visible
         means = column(mesh.vertex_normals, "vector", 3, np.float32)
         means = means[column(mesh.loops, "vertex_index", 1, np.int32)]
         return bool(
@@ -107,11 +107,12 @@ def has_means(mesh: bpy.types.Mesh) -> bool:
 
 
 def sharpen_creases(mesh: bpy.types.Mesh, drawn: bpy.types.Object) -> None:
-    """Mark edges of full crease as sharp in the evaluated mesh of an
-    object, where a subdivision modifier follows them.
+    """Mark fully creased edges as sharp in the evaluated mesh of an object with a subdivision
+    modifier
+    that uses creases.
 
-    The limit surface has a sharp edge there, while Blender's means
-    go across it. Custom normals stay as they are.
+    The limit surface has a sharp edge there, while Blender's mean normals cross it. Custom normals
+    stay.
     """
     is_followed = any(
         m.type in {"SUBSURF", "MULTIRES"} and m.show_viewport and m.use_creases
@@ -127,19 +128,18 @@ def sharpen_creases(mesh: bpy.types.Mesh, drawn: bpy.types.Object) -> None:
 
 
 def has_open_edges(mesh: bpy.types.Mesh) -> bool:
-    """Has a Blender mesh an edge with one face only?"""
+    """Whether a Blender mesh has an edge with one face only."""
     return bool((np.bincount(column(mesh.loops, "edge_index", 1, np.int32)) == 1).any())
 
 
 @dataclass(frozen=True, eq=False)
 class LocalMesh:
-    """A Blender mesh as read, before it is put into the
-    world: all that does not change when it is moved.
+    """A Blender mesh as read, before its transform to the world.
 
     vertices : (v, 3) float64, in the mesh's own units
-    triangles, loops : (t, 3) int, corners as vertices, welded where
-        open edges lie in one place, and as loops
-    is_smooth : (t,) bool; None where normals are not wanted or no triangle is smooth
+    triangles, loops : (t, 3) int, corners as vertices, welded at coincident open edges, and as
+        loops
+    is_smooth : (t,) bool; None if normals are not wanted or no triangle is smooth
     normals : (l, 3) float64, of loops; None with is_smooth
     uv : (t, 3, 2) float64 or None
     """
@@ -153,11 +153,11 @@ class LocalMesh:
     uv: Floats | None
 
     def welded(self) -> "LocalMesh":
-        """The same mesh, with one vertex for those at which open edges lie in one place."""
+        """The same mesh, with vertices welded at coincident open edges."""
         size = float(np.abs(self.vertices).max(initial=0.0))
         triangles = welded(self.vertices, self.triangles, COPIED * size)
 
-        # the others have become lines and points
+        # drop triangles collapsed to lines and points
         keep = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         return replace(
             self,
@@ -175,8 +175,8 @@ def read_local(
 
     Parameters
     ----------
-    has_normals, has_uv : are corner normals, is a UV map wanted
-    uv_map : name of the UV map; the one used in renders when there is none of that name
+    has_normals, has_uv : read corner normals, read a UV map
+    uv_map : name of the UV map; the one used in renders if there is none of this name
     """
     mesh.calc_loop_triangles()
     found = mesh.loop_triangles
@@ -194,7 +194,6 @@ def read_local(
         else:
             is_smooth = None
 
-    # the UV map, by corners
     layer = uv_layer(mesh, uv_map) if has_uv else None
     if layer is not None:
         uv = column(layer.uv, "vector", 2, np.float32).astype(float)[loops]
@@ -215,8 +214,8 @@ def read_local(
 
 
 def polygons_of(loops: NDArray[np.int32]) -> Ints:
-    """The polygon (t,) that each triangle is a part of, by its loops (t, 3): those of one polygon
-    follow each other, and each shares loops with the one before.
+    """The polygon (t,) of each triangle, by its loops (t, 3): the triangles of a polygon are
+    consecutive, and each shares loops with the one before.
     """
     shared = loops[1:, :, None] == loops[:-1, None]
     return np.cumsum(np.r_[False, ~shared.any(axis=(1, 2))][: len(loops)])
@@ -229,13 +228,13 @@ def in_world(
 
     Parameters
     ----------
-    matrix : (4, 4) float64, metres in the world from local coordinates. Where it
-        mirrors (det < 0) the winding is turned, so that the front stays in front.
-    surface : the choice of what smooth-shaded faces stand for
+    matrix : (4, 4) float64, metres in the world from local coordinates. If it mirrors (det < 0),
+        the winding is flipped, so that the front stays in front.
+    surface : the surface of smooth-shaded faces
 
     Returns
     -------
-    the Mesh, and the number of triangles left out because they have no area
+    the Mesh, and the number of dropped triangles without area
     """
     linear = matrix[:3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -247,13 +246,11 @@ def in_world(
     loops = local.loops
     uv = local.uv
 
-    # a mirrored mesh: the winding is turned, so that the front stays in front
     if np.linalg.det(linear) < 0:
         triangles = triangles[:, ::-1]
         loops = loops[:, ::-1]
         uv = None if uv is None else uv[:, ::-1].copy()
 
-    # triangles without area are left out
     keep = has_area(vertices, triangles)
     n_dropped = int(len(keep) - keep.sum())
     is_smooth = local.is_smooth
@@ -268,7 +265,7 @@ def in_world(
     if is_smooth is not None:
         normals = world_normals(local.normals, linear).take(loops, axis=0)
 
-    # polygons tell which lines were drawn, where normals are to be found
+    # polygons show which edges were drawn, and where to find normals
     has_mean_normals = local.has_mean_normals and is_smooth is not None
     polygon = polygons_of(loops) if has_mean_normals else None
     triangles = np.ascontiguousarray(triangles)

@@ -1,5 +1,5 @@
-"""Gives a flat object another size, by its own scale: its
-mesh may be others', too, and have modifiers.
+"""Resizes and moves objects by their own transforms: their meshes may have other users and
+modifiers.
 """
 
 from collections.abc import Callable
@@ -12,22 +12,21 @@ from ...base.arrays import Floats
 from ...base.errors import RigError
 from .read_mesh import column, mesh_of
 
-# of its size: an object no thicker along an axis of its own is perpendicular to that axis
+# of its size: an object no thicker along one of its axes is perpendicular to the axis
 FLAT_AXIS = 1e-5
-RESIZED_WITHIN = 1e-4  # of a side: so near an object has to come to its size and stay in its place
+RESIZED_WITHIN = 1e-4  # of a side: allowed deviation from the wanted size and place
 FLOAT32_SUM_ERROR = (
     2.0**-22
-)  # of its place: the error, in single precision, of a sum of two or three numbers
-SQUARE = 1e-3  # of a side, by which the other may differ
+)  # of its place: error of a sum of two or three numbers in single precision
+SQUARE = 1e-3  # allowed difference of a square's sides, as a fraction
 
 
 def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) -> None:
-    """Make a flat object this long and wide, Blender units,
-    about its middle; its children stay as they are.
+    """Give a flat object sides of this length, Blender units, about its centre; its children stay.
 
     Raises
     ------
-    RigError : the reason why it cannot be, a clause for a sentence; everything is as it was
+    RigError : the reason, as a clause; everything is as before
     """
     refuse_held(thing)
     context.view_layer.update()
@@ -43,7 +42,7 @@ def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) 
 
 
 def has_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) -> bool:
-    """Is a flat object this long and wide, Blender units?"""
+    """Whether a flat object has sides of this length, Blender units."""
     try:
         factors = _factors(np.array(thing.matrix_world, float), _points(context, thing), side)
     except RigError:
@@ -54,11 +53,11 @@ def has_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) -
 def scale_by(
     context: bpy.types.Context, thing: bpy.types.Object, factor: float, shift: Floats
 ) -> None:
-    """Make a flat object so many times as large, and move it by (3,), Blender units.
+    """Scale a flat object by a factor, and move it by (3,), Blender units.
 
     Raises
     ------
-    RigError : the reason why it cannot be, a clause for a sentence; everything is as it was
+    RigError : the reason, as a clause; everything is as before
     """
     refuse_held(thing)
     context.view_layer.update()
@@ -83,11 +82,11 @@ def scale_by(
 
 
 def move_by(context: bpy.types.Context, thing: bpy.types.Object, shift: Floats) -> None:
-    """Move an object by (3,) Blender units, its children with it.
+    """Move an object by (3,) Blender units, with its children.
 
     Raises
     ------
-    RigError : the reason why it cannot be, a clause for a sentence; it is where it was
+    RigError : the reason, as a clause; the object is not moved
     """
     if not np.any(shift):
         return
@@ -95,11 +94,11 @@ def move_by(context: bpy.types.Context, thing: bpy.types.Object, shift: Floats) 
 
 
 def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Matrix) -> None:
-    """Give an object a place and a turn in the world, its children with it; its scale stays.
+    """Give an object a location and rotation in the world, with its children; its scale stays.
 
     Raises
     ------
-    RigError : the reason why it cannot be, a clause for a sentence; it is where it was
+    RigError : the reason, as a clause; the object is not moved
     """
     if is_animated(thing):
         raise RigError("it is animated")
@@ -110,7 +109,7 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
     before = thing.matrix_basis.copy(), thing.matrix_parent_inverse.copy()
     is_askew = _is_sheared(thing, matrix)
     if is_askew and thing.parent_type == "OBJECT":
-        # location, turn and scale know no shear, but the way to the parent does
+        # location, rotation and scale cannot express shear, but the parent inverse can
         way = thing.parent.matrix_world.inverted_safe() @ matrix
         thing.matrix_parent_inverse = way @ before[0].inverted_safe()
     else:
@@ -130,7 +129,7 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
 
 
 def _is_sheared(thing: bpy.types.Object, matrix: Matrix) -> bool:
-    """Would an object have to be sheared below its parent to have this matrix in the world?"""
+    """Whether this world matrix would need shear below the object's parent."""
     if thing.parent is None:
         return False
     parent = thing.matrix_world @ thing.matrix_local.inverted_safe()
@@ -147,17 +146,17 @@ def rescale(
     factors: Floats,
     is_right: Callable,
 ) -> None:
-    """Scale an object along its own axes, about its middle; its children stay as they are.
+    """Scale an object along its own axes, about its centre; its children stay.
 
     Parameters
     ----------
     points : (n, 3) of it as shown, in its own coordinates
     factors : (3,)
-    is_right : of the matrix (4, 4) that it then has in the world: is it as it was meant to be?
+    is_right : whether its new matrix (4, 4) in the world is the wanted one
 
     Raises
     ------
-    RigError : it does not keep scale or place, a clause for a sentence; everything is as it was
+    RigError : its scale or place does not hold, a clause for a sentence; everything is as before
     """
     middle = points.min(axis=0) / 2 + points.max(axis=0) / 2
     before = np.array(thing.matrix_world, float)
@@ -195,13 +194,13 @@ def rescale(
 
 
 def is_animated(block: bpy.types.ID) -> bool:
-    """Has a datablock keyframes, drivers or strips, by which what is set might not stay?"""
+    """Whether a datablock has keyframes, drivers or strips, which may override set values."""
     kept = block.animation_data
     return kept is not None and bool(kept.action or kept.drivers or kept.nla_tracks)
 
 
 def refuse_held(thing: bpy.types.Object) -> None:
-    """Raise RigError where a scale would not stay as it is set, or is not meant to be set."""
+    """Raise RigError if a scale is animated or locked."""
     if is_animated(thing):
         raise RigError("it is animated")
     if any(thing.lock_scale):
@@ -223,7 +222,7 @@ def _points(context: bpy.types.Context, thing: bpy.types.Object) -> Floats:
 
 
 def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
-    """By how much each of an object's axes has to be scaled for its sides to be as long.
+    """Factors for each of an object's axes that make its sides equal to `side`.
 
     Parameters
     ----------
@@ -236,11 +235,10 @@ def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
         lengths = np.delete(np.linalg.norm(matrix[:3, :3], axis=0) * extent, thin)
         if not lengths.all():
             raise RigError("it has no size")
-        # a thing without thickness may be scaled along it, too,
-        # so that the scale stays even where it is
+        # a flat object may be scaled across its plane, too, which keeps an even scale even
         return np.insert(side / lengths, thin, side / np.sqrt(lengths.prod()))
 
-    # the plane lies askew to the object's axes: one factor for all of them keeps its angle
+    # the plane is oblique to the object's axes: one factor for all of them keeps its angle
     world = points @ matrix[:3, :3].T
     _, axes = np.linalg.eigh(np.cov(world.T))
     normal = axes[:, 0]

@@ -1,4 +1,4 @@
-"""A blocker in Blender."""
+"""Blender's side of a blocker."""
 
 import bpy
 
@@ -10,7 +10,7 @@ from .shapes import ShapeCache
 
 
 def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
-    """Its mesh is all there is."""
+    """A blocker, which is its mesh."""
     return FoundPart(Blocker(part.name, part.mesh), [], [])
 
 

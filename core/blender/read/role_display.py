@@ -1,4 +1,4 @@
-"""The display in Blender."""
+"""Blender's side of the display."""
 
 import bpy
 
@@ -10,7 +10,7 @@ from .shapes import ShapeCache
 
 
 def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
-    """A display with its pixels, and the light of its black."""
+    """A display with its resolution and black level."""
     ours = part.owner.kiriko
     width, height = ours.resolution
     return FoundPart(Display(part.name, part.mesh, width, height, ours.display.black_level), [], [])

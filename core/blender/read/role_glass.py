@@ -1,4 +1,4 @@
-"""Glass in Blender."""
+"""Blender's side of glass."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
 
 
 def looks(rig: Rig) -> tuple[dict[str, Any], list[str]]:
-    """The interfaces of all glass that bends light."""
+    """The interfaces of all glass with an index of its own."""
     found, notes = interfaces(rig.glasses)
     by_name = {glass.name: face for glass, face in zip(rig.glasses, found, strict=True)}
     return {name: face for name, face in by_name.items() if face.index is not None}, notes
@@ -32,7 +32,7 @@ def shade(material: bpy.types.Material, look: Interface, studio: Studio) -> None
 
 
 def is_inside_out(look: Interface) -> bool:
-    """Do all its faces look into the glass?"""
+    """Whether all its normals point inward."""
     return look.is_inside_out
 
 

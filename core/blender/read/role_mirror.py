@@ -1,4 +1,4 @@
-"""A mirror in Blender."""
+"""Blender's side of a mirror."""
 
 import bpy
 
@@ -10,7 +10,7 @@ from .shapes import ShapeCache
 
 
 def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
-    """Its mesh is all there is."""
+    """A mirror, which is its mesh."""
     return FoundPart(Mirror(part.name, part.mesh), [], [])
 
 

@@ -1,4 +1,4 @@
-"""The picture's plane in Blender."""
+"""Blender's side of the picture's plane."""
 
 from .elements import read_picture
 from .part_roles import FoundPart, InBlender
@@ -12,5 +12,5 @@ def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
     return FoundPart(picture, notes, [])
 
 
-# a guide for the artist: in a preview the light itself is there
+# not in previews: the plane is a guide for the artist, and a preview shows the light itself
 IN_BLENDER = InBlender(read, None)

@@ -1,4 +1,4 @@
-"""A plate in Blender."""
+"""Blender's side of a plate."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def looks(rig: Rig) -> tuple[dict[str, MirrorArray | None], list[str]]:
 
 
 def shade(material: bpy.types.Material, look: MirrorArray | None, studio: Studio) -> None:
-    """Send light on by the plate's mirrors, or by the ideal law."""
+    """Redirect light by the plate's mirrors, or by the ideal law."""
     if look is None:
         shaders.be_plate(material)
         return

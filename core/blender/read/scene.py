@@ -1,8 +1,7 @@
 """Reads the evaluated scene into a Rig, as Blender shows it at this frame, in metres and float64.
 
-Modifiers, parents, constraints and instances have been applied by the depsgraph. This file sorts
-objects by role, reads the images in the viewers' own pixels, and notes the objects that it leaves
-out.
+The depsgraph has already applied modifiers, parents, constraints and instances. This file sorts
+objects by role, reads images in the viewers' own pixels, and notes ignored objects.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,9 +34,9 @@ from .shapes import CURVED, ShapeCache
 def read_viewer_image(
     scene: bpy.types.Scene, seats: Sequence[Seat], viewers: Sequence[Viewer], kept: ShapeCache
 ) -> tuple[list[Picture], list[str]]:
-    """The picture, none where no image is chosen, with notes on images of another size or shape.
+    """The picture, none without an image, with notes on images of another size or shape.
 
-    Where one viewer has an image of its own all must have one, which the rig's check tells.
+    If one viewer has its own image all need one, which the rig's check enforces.
 
     viewers : of these seats
     """
@@ -103,8 +102,8 @@ def _read(
 
 
 def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    """Do modifiers make another shape in renders than in the
-    viewport, whose shape is the one that is read?
+    """Whether modifiers make another shape in renders than in the viewport; the viewport's is
+    read.
     """
     return any(
         m.show_viewport != m.show_render
@@ -117,7 +116,7 @@ def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
 
 
 def modifier_notes(parts: list[WorldPart]) -> list[str]:
-    """Notes on curved parts whose vertices a modifier leaves beside the surface that is meant."""
+    """Notes on modifiers that move the vertices of curved parts off their surface."""
     drawn = dict.fromkeys(
         (part.drawn, part.mesh.surface)
         for part in parts
@@ -141,10 +140,7 @@ def modifier_notes(parts: list[WorldPart]) -> list[str]:
 
 
 def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
-    """The remedy for a modifier that leaves vertices beside the surface.
-
-    An empty text for others.
-    """
+    """The remedy for a modifier that moves vertices off the surface; '' for others."""
     if (
         modifier.type == "SUBSURF"
         and modifier.subdivision_type == "CATMULL_CLARK"
@@ -167,7 +163,7 @@ def scene_notes(
     parts: list[WorldPart],
     cameras: Iterable[bpy.types.Object],
 ) -> list[str]:
-    """Notes on settings of the scene as a whole that Kiriko does not follow."""
+    """Notes on settings of the whole scene that Kiriko ignores."""
     notes = []
     if depsgraph.mode == "VIEWPORT":
         notes += [
@@ -193,12 +189,12 @@ def scene_notes(
 class Reading:
     """A scene as read.
 
-    rig : with a calibration's result, where that is kept as an offset
-    drawn : as the scene shows it, without
+    rig : with a calibration's offset, if there is one
+    drawn : as the scene shows it, without the offset
     display_size : width and height in m of a flat display, over the whole UV square
-    display_object : name of the object that is the display, or makes it as an instance, and the
-        file that it is linked from, as `bpy.data.objects` takes both
-    solved_for : the scene's fingerprint, as text, where it was read to be solved
+    display_object : name of the display's object, or of the object that instances it, and its
+        library file, as keys of `bpy.data.objects`
+    solved_for : the scene's fingerprint, as text, if it was read to be solved
     """
 
     rig: Rig
@@ -215,20 +211,19 @@ def read(
     scene: bpy.types.Scene | None = None,
     kept: ShapeCache | None = None,
 ) -> Reading:
-    """Read the rig of a scene as it stands at this frame.
+    """Read the rig of a scene at this frame.
 
     Nothing is changed in the scene. Errors of the rig as a whole are left to `Rig.check`.
 
     Parameters
     ----------
     source : the context, or a depsgraph of the scene
-    scene : whose settings count; the depsgraph's own when None
-    kept : meshes and pixels that need not be read again; nothing when None
+    scene : the scene with the settings; None for the depsgraph's own
+    kept : cached meshes and pixels; None for an empty cache
 
     Raises
     ------
-    RigError : the viewer's camera or the picture plane cannot be
-        used, or a part that the rig needs is hidden
+    RigError : the viewer's camera or the picture plane is unusable, or a needed part is hidden
     ImageError : the picture has no pixels
     """
     drawn = read_drawn(source, scene, kept)
@@ -247,8 +242,9 @@ def read_drawn(
     scene: bpy.types.Scene | None = None,
     kept: ShapeCache | None = None,
 ) -> Reading:
-    """The same, as the scene shows it: without a calibration's result, whose amounts are along the
-    axes of the first viewer, and so with the viewers in their order.
+    """The rig without a calibration's offset. The viewers keep their order, since an offset's
+    amounts
+    are along the axes of the first one.
     """
     depsgraph = (
         source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
@@ -270,7 +266,6 @@ def read_drawn(
     parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
     viewers = read_viewers(depsgraph, scene)
 
-    # each part as its role reads it
     by_role = parts_by_role(parts)
     found: dict[str, list[Any]] = {}
     materials = []
@@ -310,10 +305,7 @@ def _place_in_file(thing: bpy.types.Object) -> tuple[str, str | None]:
 
 
 def read_viewers(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> tuple[Viewer, ...]:
-    """The viewers that are on, in their order; RigError where one of them is none, or all are off.
-
-    Blender keeps the place of a camera up to date that is enabled in the view layer.
-    """
+    """The viewers that are on, in their order; RigError if one is invalid, or all are off."""
     seats = seats_of(scene)
     if not seats and len(scene.kiriko.viewers):
         raise RigError("All viewers are off. Turn one on.")
@@ -321,7 +313,7 @@ def read_viewers(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> tupl
 
 
 def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> Viewer:
-    """A viewer; RigError where its place is unknown."""
+    """A viewer; RigError if its place is unknown."""
     camera = seat.camera
     if camera is None:
         raise no_camera()
@@ -346,7 +338,7 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
 def _read_image(
     scene: bpy.types.Scene, viewers: tuple[Viewer, ...], planes: list[WorldPart], kept: ShapeCache
 ) -> tuple[list[Picture], list[str]]:
-    """The picture in the viewers' own pixels, with notes, also on planes that are not used."""
+    """The picture in the viewers' own pixels, with notes, also on ignored planes."""
     pictures, notes = read_viewer_image(scene, seats_of(scene), viewers, kept)
     unused = [
         Message("The picture plane '{name}' is ignored: the picture is an image.", name=part.name)
@@ -356,9 +348,7 @@ def _read_image(
 
 
 def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
-    """The rig with the offset that the scene keeps from
-    calibrations, and notes on amounts that have no place.
-    """
+    """The rig with the offset from calibrations, and notes on parts it does not have."""
     kept = Offset.read(scene.kiriko.calibration.offset).sets
     if not kept:
         return rig, []
@@ -366,7 +356,7 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
     try:
         rig.check()
     except KirikoError:
-        return rig, []  # its errors are told before it is solved
+        return rig, []  # solving reports its errors first
 
     rig, unknown = with_offset(rig, kept)
     notes = [
@@ -381,8 +371,9 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
 
 
 def object_matrix(linear: Floats, shift: Floats, metres: float) -> Floats:
-    """Matrix (4, 4) for objects, in units of so many metres:
-    points p, in m, go to linear (3, 3) @ p + shift (3,).
+    """Matrix (4, 4) for objects, in units of so many metres: maps points p, in m, to linear (3, 3)
+    @ p
+    + shift (3,).
     """
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = linear, shift / metres

@@ -1,4 +1,4 @@
-"""Which objects of the scene are parts of the rig, by role."""
+"""Finds the parts of the rig among the scene's objects, by role."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
@@ -24,10 +24,11 @@ LeftOut = Callable[[bpy.types.Object], bool]
 
 @dataclass(frozen=True, eq=False)
 class WorldPart:
-    """One mesh in the world with the object whose role it has and the one it was drawn as.
+    """One mesh in the world with the object that has the role and the object it was drawn as.
 
-    Materials from the most to the least used. matrix (4, 4): where the object stands, m. frame: the
-    scene's, for images that move.
+    materials : the most used first
+    matrix : (4, 4) of the object in the world, m
+    frame : the scene's, for moving images
     """
 
     owner: bpy.types.Object
@@ -46,8 +47,9 @@ class WorldPart:
 
 
 def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object | None:
-    """The original object whose role an instance has: its own,
-    else that of the collection or nodes that make it.
+    """The original object with an instance's role: its own, else its collection's instancer or
+    nodes'
+    object.
     """
     own = instance.object.original
     if own.kiriko.role != "NONE":
@@ -57,13 +59,13 @@ def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object 
     if not instance.is_instance or maker is None or instance.particle_system is not None:
         return None
     if maker.instance_type not in {"NONE", "COLLECTION"} or maker.original.kiriko.role == "NONE":
-        return None  # objects scattered over the vertices or faces of another are no part of it
+        return None  # objects instanced on another's vertices or faces are not part of it
 
     return maker.original
 
 
 def part_name(instance: bpy.types.DepsgraphObjectInstance, counts: Counter[str]) -> str:
-    """Name of a part: that of its object, numbered for instances. Counts up."""
+    """Name of a part: its object's, numbered for instances. Counts up."""
     own = instance.object.original
     # a curve, text or metaball shows its surface as an instance of itself
     is_itself = not instance.is_instance or (own.type != "MESH" and not counts[own.name])
@@ -78,7 +80,7 @@ def read_part(
     to_metres: Floats,
     kept: ShapeCache,
 ) -> WorldPart:
-    """Triangles, materials and texture of one instance, read while the iterator stands on it."""
+    """Triangles, materials and texture of one instance; call it before the iterator moves on."""
     shown = instance.object
     shape = kept.shape(instance, owner)
     matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
@@ -101,14 +103,13 @@ def read_part(
 def shown_parts(
     depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, is_left_out: LeftOut | None = None
 ) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object]]:
-    """Instances with a role that are seen both in the viewport and
-    in renders, and the objects they have it from.
+    """Instances with a role visible in viewport and renders, with the objects of their roles.
 
-    is_left_out : tells objects that are not looked at; None: those of rigs that are not active
+    is_left_out : whether to skip an object; None skips inactive rigs
     """
     is_left_out = is_left_out or elsewhere(scene)
     shown = VisibleObjects(scene, depsgraph.view_layer)
-    # one object may make thousands of instances
+    # cached, since one object may make thousands of instances
     is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))
 
     for instance in depsgraph.object_instances:
@@ -136,13 +137,12 @@ def read_parts(
     needed: tuple[str, ...] = (),
     is_left_out: LeftOut | None = None,
 ) -> tuple[list[WorldPart], list[str]]:
-    """All parts with a role that are seen both in the viewport
-    and in renders; notes on those that are not.
+    """All parts visible in viewport and renders, and notes on hidden ones.
 
-    is_left_out : as `shown_parts` has it
+    is_left_out : see `shown_parts`
 
-    Raises RigError for an object with a role that can be no part of a
-    rig, and where all of a role that is needed are hidden, or missing from a library.
+    Raises RigError for an object with a role that cannot be a part, and if all parts of a needed
+    role are hidden or missing from a library.
     """
     to_metres = np.diag([metres, metres, metres, 1.0])
     parts: list[WorldPart] = []
@@ -176,7 +176,7 @@ def read_parts(
 def parts_by_role(
     parts: list[WorldPart], glasses: Collection[bpy.types.Object] = ()
 ) -> dict[str, list[WorldPart]]:
-    """Parts by the names of all roles; those of the objects `glasses` as glass."""
+    """Parts by the names of all roles; objects in `glasses` count as glass."""
     found: dict[str, list[WorldPart]] = {role.name: [] for role in ROLES}
     for part in parts:
         found["GLASS" if part.owner in glasses else part.role].append(part)
@@ -184,11 +184,10 @@ def parts_by_role(
 
 
 def without_hollows(parts: list[WorldPart], met: set[bpy.types.Object]) -> list[WorldPart]:
-    """Parts with faces, and one empty part for each object that
-    shows none at all, for the rig's check to name.
+    """Parts with faces, and one empty part for each object without any, for the rig's check to
+    report.
 
-    An object that only makes instances is no such object, nor
-    is a metaball whose surface is that of its family.
+    Objects that only make instances, and metaballs whose family has the surface, do not count.
     """
     full = [part for part in parts if len(part.mesh.triangles)]
     empty = Mesh(np.empty((0, 3)), np.empty((0, 3), np.int64))
@@ -203,9 +202,7 @@ def unmet_parts(
     layer: bpy.types.ViewLayer,
     is_left_out: LeftOut,
 ) -> dict[bpy.types.Object, str]:
-    """Objects of the scene that have a role but no part
-    was met of, and the setting that hides each.
-    """
+    """Objects of the scene with a role and without parts, each with the setting that hides it."""
     shown = VisibleObjects(scene, layer)
     return {
         o: shown.hidden_by(o)
@@ -217,16 +214,14 @@ def unmet_parts(
 def check_some_are_shown(
     role: str, parts: list[WorldPart], unmet: dict[bpy.types.Object, str]
 ) -> None:
-    """Raise RigError for the first object of a role of which there are some, but all hidden."""
+    """Raise RigError for the first object of a role whose objects are all hidden."""
     hidden = [(thing, by) for thing, by in unmet.items() if by and thing.kiriko.role == role]
     if hidden and not any(part.role == role for part in parts):
         raise RigError("{phrase}.", phrase=hidden_words(*hidden[0]))
 
 
 def hidden_words(thing: bpy.types.Object, by: str) -> str:
-    """The trouble with an object that has a role and is
-    hidden, and the remedy, without a full stop.
-    """
+    """Sentence without a full stop on a hidden object with a role, and the remedy."""
     can_do_without = any(role.is_missed for role in ROLES if role.name == thing.kiriko.role)
     return Message(
         "The {role} '{name}' is hidden{by}: show it{otherwise}",
@@ -243,8 +238,8 @@ def notes_on_parts(
     unmet: dict[bpy.types.Object, str],
     scene: bpy.types.Scene,
 ) -> list[str]:
-    """Notes on parts left out: hidden objects, metaballs that have
-    no surface of their own, triangles without area.
+    """Notes on ignored parts: hidden objects, metaballs without a surface of their own, triangles
+    without area.
     """
     notes = [
         Message(

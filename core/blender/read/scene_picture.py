@@ -12,14 +12,14 @@ from ..data import colour
 from ..data.image_file import check_header, check_whole
 from ..data.moving import check_there
 
-# types of image that Blender shows and has no pixels of for others
+# types of image that Blender shows without giving out pixels
 UNREADABLE = {"RENDER_RESULT", "COMPOSITING"}
-OF_PIXEL = 16  # bytes that reading takes: four float32
-DECODED_AT_ONCE = 1 << 18  # pixels that are decoded at once
+OF_PIXEL = 16  # bytes for reading a pixel: four float32
+DECODED_AT_ONCE = 1 << 18  # pixels decoded in one pass
 
 
 def check_readable(image: bpy.types.Image, owner: str) -> None:
-    """Raise ImageError where an image has no pixels to read. Loads the file if need be."""
+    """Raise ImageError if an image has no pixels to read. Loads the file if need be."""
     if image.type in UNREADABLE:
         raise ImageError(
             "'{image}' exists only in the Image Editor. Save it there (Image > Save As) and"
@@ -29,7 +29,7 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
         )
 
     check_header(image, owner)
-    if min(image.size) < 1:  # asking for the size loads the file
+    if min(image.size) < 1:  # reading the size loads the file
         if image.type == "MULTILAYER":
             raise ImageError(
                 "The image '{image}' of {owner} has several layers or views. Save one of them"
@@ -53,8 +53,8 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
 
 
 def check_at(image: bpy.types.Image, number: int | None, owner: str) -> None:
-    """The same at a frame of an image that moves, of which nothing is copied; None: it stands
-    still.
+    """Raise ImageError if a frame of an image cannot be read; None for a still image. Moving images
+    are not copied.
     """
     if number is None:
         check_readable(image, owner)
@@ -63,9 +63,9 @@ def check_at(image: bpy.types.Image, number: int | None, owner: str) -> None:
 
 
 def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
-    """Pixels (h, w, channels) as Blender keeps them, row 0 at the top. Loads the file if need be.
+    """Pixels (h, w, channels) as stored by Blender, row 0 at the top. Loads the file if need be.
 
-    Raises ImageError when there are none, RigError when they need more memory than is free.
+    Raises ImageError without pixels, RigError if they need more than the free memory.
     """
     check_readable(image, owner)
     check_whole(image, owner)
@@ -82,9 +82,9 @@ def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
 
 
 def four_channels(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """RGBA (h, w, 4) of pixels with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 channels.
-
-    Of 4 these pixels themselves.
+    """RGBA (h, w, 4) of pixels with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 channels; with 4 the
+    same
+    array.
     """
     height, width, channels = pixels.shape
     if channels == 4:
@@ -99,15 +99,15 @@ def four_channels(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     """Pixels of an image for the painter.
 
-    Blender has float images in its working space and premultiplied, byte images as their colour
-    space encodes them and straight. An image whose alpha is no coverage (None, Channel Packed,
-    Non-Color) is opaque. The colours are those that Cycles shows over black with the texture's
-    alpha linked; without that link it premultiplies *encoded* colours.
+    Blender stores float images in its working space and premultiplied, byte images encoded in their
+    colour space and straight. An image whose alpha is not coverage (None, Channel Packed,
+    Non-Color) is opaque. The colours are those Cycles shows over black with the texture's alpha
+    linked; without this link it premultiplies *encoded* colours.
 
     Parameters
     ----------
     image : the datablock
-    owner : whose picture it is, for the error message
+    owner : the picture's owner, for error messages
 
     Returns
     -------
@@ -115,14 +115,14 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
 
     Raises
     ------
-    ImageError : no pixels (missing or broken file, a render result), or numbers that are not finite
-    RigError : more pixels than there is memory for
+    ImageError : no pixels (missing or broken file, a render result), or non-finite numbers
+    RigError : not enough memory
     """
     return decoded(image, stored_pixels(image, owner), owner)
 
 
 def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> NDArray[np.float32]:
-    """The same from pixels (h, w, channels) as Blender keeps them, which are used up."""
+    """The same from stored pixels (h, w, channels), converted in place."""
     pixels = four_channels(stored)
     has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"}
     has_coverage &= not image.colorspace_settings.is_data
@@ -147,7 +147,7 @@ def _decode(
     has_coverage: bool,
     is_straight: bool,
 ) -> bool:
-    """As by `image_passes.decode`."""
+    """The same as `image_passes.decode`."""
     step = max(1, DECODED_AT_ONCE // pixels.shape[1])
     for first in range(0, len(pixels), step):
         rows = pixels[first : first + step]

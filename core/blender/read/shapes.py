@@ -1,4 +1,4 @@
-"""The meshes of objects, kept while their objects stay as they are."""
+"""Cache of objects' meshes and images' pixels, from one reading of the scene to the next."""
 
 from collections.abc import Container
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ from .plane import chosen_image
 from .read_mesh import LocalMesh, in_world, mesh_of, read_local, sharpen_creases, used_slots
 from .scene_picture import check_readable, decoded, stored_pixels
 
-MAPPED = {role.name for role in ROLES if role.is_mapped}  # roles whose UV map counts
+MAPPED = {role.name for role in ROLES if role.is_mapped}  # roles whose UV map is read
 CURVED = {role.name for role in ROLES if role.is_curved}  # roles whose surface may be curved
 
 
 @dataclass(eq=False)
 class Shape:
-    """An object's mesh as read, and the mesh in the world where it was last put.
+    """An object's mesh as read, and its last mesh in the world.
 
-    slots : indices of material slots on the faces, most faces first
+    slots : indices of material slots on the faces, the most used first
     """
 
     local: LocalMesh
@@ -39,11 +39,11 @@ class Shape:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Tells the mesh as read from all others, wherever it stands."""
+        """Hash of the mesh as read, independent of its place."""
         return fingerprint(self.local)
 
     def at(self, matrix: Floats, surface: str) -> tuple[Mesh, int]:
-        """The mesh in the world by a matrix (4, 4), and its triangles without area.
+        """The mesh in the world by a matrix (4, 4), and its number of triangles without area.
 
         The same object if unmoved.
         """
@@ -54,12 +54,12 @@ class Shape:
 
 @dataclass(eq=False)
 class CachedPixels:
-    """The pixels of an image as the painter has them, and all that tells whether they still are.
+    """The pixels of an image for the painter, and their cache keys.
 
-    settings : of the image and the picture, by which they were decoded
-    stored : fingerprint of the pixels as Blender keeps them
-    pixels : (h, w, 4), which nobody can write to: the same array is the same picture
-    notes : on what the file says and Blender ignores
+    settings : of the image and the picture, used for decoding
+    stored : fingerprint of the pixels as Blender stores them
+    pixels : (h, w, 4), read-only: the same array is the same picture
+    notes : on properties of the file that Blender ignores
     """
 
     settings: tuple[object, ...]
@@ -69,48 +69,45 @@ class CachedPixels:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Tells the picture from all others."""
+        """Hash of the picture."""
         return fingerprint(self.pixels)
 
 
 class ShapeCache:
-    """Shapes and pixels kept from one reading to the next, by
-    session uid; no datablock, which undo could take away.
+    """Shapes and pixels from earlier readings, by session uid; no datablocks, which undo could
+    remove.
 
-    Whoever keeps them has to hand on Blender's news of
-    changes (`notice`), and forget all after undo.
+    The owner passes on Blender's updates (`notice`), and drops the cache after undo.
     """
 
     def __init__(self) -> None:
         self._shapes: dict[tuple[int, str, str], Shape] = {}
         self._met: dict[tuple[int, str, str], Shape] = {}
         self._pixels: dict[int, CachedPixels] = {}  # by session uid of the image
-        self._asked: set[int] = set()  # of these, those that this reading asked for
-        self._compared: set[int] = set()  # and those of which there was no news since
-        self._n_kept = 0  # shapes that the last reading asked for
-        self.reel: Reel | None = None  # where one is kept, which its owner has to close
+        self._asked: set[int] = set()  # images used by this reading
+        self._compared: set[int] = set()  # images without updates since they were compared
+        self._n_kept = 0  # shapes used by the last reading
+        self.reel: Reel | None = None  # an open reel, which its owner closes
 
     @property
     def is_whole(self) -> bool:
-        """Is nothing known to have changed but places and
-        settings, so that the next reading is short?
-        """
+        """Whether only places and settings have changed, so that the next reading is short."""
         return self._are_compared and len(self._shapes) == self._n_kept > 0
 
     @property
     def _are_compared(self) -> bool:
-        """Are all pixels known to be as they were read?"""
+        """Whether all pixels are unchanged."""
         return bool(self._pixels) and self._pixels.keys() <= self._compared
 
     def notice(self, depsgraph: bpy.types.Depsgraph, ours: Container[int] = ()) -> None:
-        """Take note of a depsgraph's updates, but for pixels of
-        datablocks with the session uids `ours`.
+        """Process a depsgraph's updates, except pixels of datablocks with the session uids
+        `ours`.
         """
         anew = {thing.session_uid for thing in reshaped(depsgraph)}
         if anew:
             self._shapes = {key: one for key, one in self._shapes.items() if key[0] not in anew}
 
-        # a material, too: an image that is loaded again does not tell itself
+        # a material, too, since a reloaded image gives no update of its own
         if any(map(depsgraph.id_type_updated, ("IMAGE", "MATERIAL"))):
             blocks = (update.id.original for update in depsgraph.updates)
             images = (one for one in blocks if one.id_type in {"IMAGE", "MATERIAL"})
@@ -118,8 +115,9 @@ class ShapeCache:
                 self._compared.clear()
 
     def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Shape:
-        """Of the object an iterator stands on. Instances are read each time: several
-        share one uid.
+        """The shape of an iterator's current object. Instances are read each time: several share
+        one
+        uid.
         """
         if instance.is_instance or owner.kiriko.role in MAPPED:
             return read_shape(instance.object, owner)
@@ -134,10 +132,10 @@ class ShapeCache:
         tone: Tone | None = None,
         number: int | None = None,
     ) -> NDArray[np.float32]:
-        """As by `read_pixels`, as light as a tone has them; the
-        same array as before while the image holds the same numbers.
+        """Pixels as by `read_pixels`, with a tone applied; the same array as before while the image
+        has the same numbers.
 
-        number : the frame of an image that moves
+        number : the frame of a moving image
         """
         tone = tone or Tone()
         if number is None:
@@ -162,8 +160,8 @@ class ShapeCache:
         if before is None or before.settings != settings or uid not in self._compared:
             with at_frame(image, number, owner, self.reel) as shown:
                 stored = stored_pixels(shown, owner)
-                # in the order of memory: else it is copied. Each frame of a picture that moves is
-                # new, so that it pays only where the same one is read again
+                # in memory order, which avoids a copy. A moving picture has new pixels at each
+                # frame, so comparing pays only if the same one is read again
                 is_same_frame = before is not None and before.settings == settings
                 content = "" if number is not None else fingerprint(stored[::-1])
                 if not (is_same_frame and content and before.stored == content):
@@ -176,18 +174,18 @@ class ShapeCache:
         return self._pixels[uid].pixels
 
     def notes_on(self, image: bpy.types.Image) -> list[str]:
-        """Notes on the file of an image whose pixels were asked for."""
+        """Notes on the file of an image whose pixels were read."""
         return self._pixels[image.session_uid].notes
 
     def fingerprint_of(self, pixels: NDArray[np.float32]) -> str:
-        """Of pixels that were read; kept while they are the same array."""
+        """Fingerprint of read pixels; cached while they are the same array."""
         known = (one for one in self._pixels.values() if one.pixels is pixels)
         one = next(known, None)
         return fingerprint(pixels) if one is None else one.fingerprint
 
     def end(self) -> None:
-        """All shapes of a reading were asked for: drop the others, and the pixels that the reading
-        before did not ask for. Those of this one follow.
+        """End a reading's shapes: drop unused ones, and pixels that the reading before did not use.
+        This reading's pixels follow.
         """
         self._shapes, self._met = self._met, {}
         self._n_kept = len(self._shapes)
@@ -196,8 +194,8 @@ class ShapeCache:
 
 
 def reshaped(depsgraph: bpy.types.Depsgraph) -> list[bpy.types.Object]:
-    """Objects whose shape Blender has evaluated anew. The others may be thousands, as while a scene
-    is dragged or played, and are asked for nothing else.
+    """Objects whose shape Blender has re-evaluated. Others may be thousands, as while a scene is
+    dragged or played, and cost one test each.
     """
     anew = (update.id.original for update in depsgraph.updates if update.is_updated_geometry)
     return [block for block in anew if block.id_type == "OBJECT"]
@@ -206,8 +204,8 @@ def reshaped(depsgraph: bpy.types.Depsgraph) -> list[bpy.types.Object]:
 def used_materials(
     shown: bpy.types.Object, order: tuple[int, ...]
 ) -> tuple[bpy.types.Material | None, ...]:
-    """Materials of an evaluated object's slots, in this
-    order. A slot may override the mesh's material.
+    """Materials of an evaluated object's slots, in this order. A slot may override the mesh's
+    material.
     """
     slots = shown.material_slots
     own = shown.data.materials

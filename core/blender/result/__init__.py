@@ -1,1 +1,1 @@
-"""Writes results into the scene, and tells whether they are up to date."""
+"""Writes results into the scene, and detects whether they are up to date."""

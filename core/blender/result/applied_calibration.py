@@ -1,6 +1,4 @@
-"""Puts a calibration's result into the scene: objects
-moved, settings changed. All of it, or nothing.
-"""
+"""Applies a calibration's result to the scene's objects and settings, all or nothing."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,9 +19,9 @@ from ..data.stored_records import Offset
 from ..read.resize import is_animated
 from ..read.scene import Reading, length_of_unit, object_matrix
 
-# px of display and viewer: so near, in single precision, everything has to come to be as fitted
+# px of display and viewer: allowed deviation from the fitted values, in single precision
 FITTED_WITHIN_PX = 0.1
-FLOAT32_ERROR = 1e-6  # the error of numbers of about 1 in single precision
+FLOAT32_ERROR = 1e-6  # error of numbers of about 1 in single precision
 HELD = Message("a constraint, a parent or shared data holds it")
 PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
 
@@ -32,17 +30,17 @@ PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_ang
 def put_into_scene(
     scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]
 ) -> Iterator[None]:
-    """Make the scene show the rig that a reading has with its
-    offset; the offset goes. Undone if the code within fails.
+    """Make the scene show the rig of a reading including its offset, and clear the offset. Undone
+    if
+    the enclosed code fails.
 
     Parameters
     ----------
-    read : reads the scene again; that has to give the same rig, or nothing is changed
+    read : reads the scene again; unless it gives the same rig, nothing is changed
 
     Raises
     ------
-    RigError : a part is gone, or held where it is by something
-        else: a constraint, an animation, a parent
+    RigError : a part is gone, or held by a constraint, an animation or a parent
     """
     _, unknown = with_offset(reading.drawn, Offset.read(scene.kiriko.calibration.offset).sets)
     if unknown:
@@ -61,12 +59,12 @@ def put_into_scene(
         yield
     except BaseException:
         undo.all()
-        bpy.context.view_layer.update()  # so that a script sees the objects where they are
+        bpy.context.view_layer.update()  # a script then sees the objects in their places
         raise
 
 
 class _Undo:
-    """Values as they were, to put back in the reverse order."""
+    """Earlier values, to restore in reverse order."""
 
     def __init__(self) -> None:
         self._before: list[tuple[Any, str, Any]] = []
@@ -101,14 +99,14 @@ def _object(name: str) -> bpy.types.Object:
 
 
 def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
-    """Move objects of parts that are off, and the picture.
+    """Move the objects of deviating parts, and the picture.
 
-    Parents first, for they take their children along.
+    Parents come first, since their children move with them.
     """
     motions = part_motions(reading.drawn, reading.rig)
     moves = {name: (motion.rotation, motion.shift) for name, motion in motions.items()}
 
-    # the picture goes along with the viewer
+    # the picture moves with the viewer
     for a, b in zip(reading.drawn.pictures, reading.rig.pictures, strict=True):
         if a.mesh is not b.mesh:
             moves[b.name] = along_with(reading.drawn.viewers[0], reading.rig.viewers[0])
@@ -122,7 +120,6 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
             depth, parent = depth + 1, parent.parent
         targets.append((depth, name, thing, Matrix(matrix @ np.array(thing.matrix_world, float))))
 
-    # from the outermost parent to the innermost child
     for _, _, thing, target in sorted(targets, key=lambda entry: entry[:2]):
         undo.keep(thing, *PLACE)
         thing.matrix_world = target
@@ -130,9 +127,7 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
 
 
 def _change(reading: Reading, undo: _Undo) -> None:
-    """Set indices, the make of plates, and the focal
-    length, where they are not as the scene has them.
-    """
+    """Set changed indices, plate settings and focal lengths."""
     for a, b in zip(reading.drawn.glasses, reading.rig.glasses, strict=True):
         if a.ior.at(WAVELENGTH) != b.ior.at(WAVELENGTH):
             ours = _object(b.name).kiriko
@@ -157,10 +152,10 @@ def _change(reading: Reading, undo: _Undo) -> None:
 
 
 def _compare(found: Rig, wanted: Rig) -> None:
-    """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
+    """Raise RigError for a part off its wanted values by more than a tenth of a pixel."""
     pixel = display_pixel(wanted.display)
 
-    # parts: place and make
+    # place and settings of parts
     for role in (role for role in ROLES if role.kind is not None):
         for a, b in zip(found.of(role), wanted.of(role), strict=True):
             if np.abs(
@@ -172,7 +167,7 @@ def _compare(found: Rig, wanted: Rig) -> None:
         if not _is_viewer_like(a, b, wanted.display):
             raise _held(b.name)
 
-    # the picture, as the viewer sees its corners
+    # the picture's corners, as seen by the viewer
     uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1.0]])
     for a, b in zip(found.pictures, wanted.pictures, strict=True):
         seen = view_of_picture(a.place, found.viewers[0], uv)
@@ -182,8 +177,8 @@ def _compare(found: Rig, wanted: Rig) -> None:
 
 
 def _is_viewer_like(found: Viewer, wanted: Viewer, display: Display) -> bool:
-    """Are the places and images of two viewers the same, to a tenth of a pixel?"""
-    # of a viewer pixel at unit distance, or of its plane
+    """Whether two viewers have the same place and image, to a tenth of a pixel."""
+    # size of a viewer pixel at unit distance, or on its plane
     across = np.ptp(wanted.window[:2]) / wanted.width
     reach = (
         1.0
@@ -206,7 +201,7 @@ def _held(name: str, why: str = HELD) -> RigError:
 
 
 def _is_made_like(a: Any, b: Any) -> bool:
-    """Have two parts the same index, or mirrors, to single precision?"""
+    """Whether two parts have the same index, or mirrors, to single precision."""
     if hasattr(a, "ior"):
         return abs(a.ior.at(WAVELENGTH) - b.ior.at(WAVELENGTH)) < FLOAT32_ERROR
     if getattr(a, "array", None) is not None:
@@ -218,8 +213,8 @@ def _is_made_like(a: Any, b: Any) -> bool:
 
 @contextmanager
 def keep_offset(scene: bpy.types.Scene, offset: list[dict[str, float]]) -> Iterator[None]:
-    """Keep calibrations' results, amounts by the parameters'
-    names. Undone if the code within fails.
+    """Store the results of calibrations, amounts by parameter name. Undone if the enclosed code
+    fails.
     """
     ours = scene.kiriko.calibration
     before = ours.offset

@@ -1,4 +1,4 @@
-"""The conflict of several viewers as an image of the result, in colours that can be read."""
+"""The conflict of several viewers as a false-colour image of the result."""
 
 from typing import NamedTuple
 
@@ -13,15 +13,15 @@ from ..data.rigs import name_for
 from .write_result import has_size_of, let_go, replace_image, unpacked_image
 
 CONFLICT = "Kiriko Conflict"
-LEAST = {"px": 0.01, "white": 1 / 255}  # where the scale ends at least: below, it is rounding
+LEAST = {"px": 0.01, "white": 1 / 255}  # smallest end of the scale: lower values are rounding
 
 
 class Conflict(NamedTuple):
-    """How far apart is what several viewers ask of each display pixel.
+    """Disagreement of several viewers about each display pixel.
 
     of_pixel : (H, W)
-    is_asked : (H, W), by any of them
-    unit : "px", of the picture, where places are compared, "white" where colours are
+    is_asked : (H, W), seen by any of them
+    unit : "px" of the picture for places, "white" for colours
     """
 
     of_pixel: Floats
@@ -30,12 +30,14 @@ class Conflict(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """Of all pixels."""
+        """Maximum over all pixels."""
         return float(self.of_pixel.max(initial=0.0))
 
 
 def colours(conflict: Conflict) -> NDArray[np.float32]:
-    """Pixels (H, W, 3), linear: dark for 0, bright for the largest; black where nobody asks."""
+    """Pixels (H, W, 3), linear: dark for 0, bright for the largest; black if no viewer sees
+    them.
+    """
     end = max(conflict.largest, LEAST[conflict.unit])
     shown = linear_from_srgb(viridis(conflict.of_pixel.ravel() / end))
     shown = shown.reshape(*conflict.of_pixel.shape, 3)
@@ -43,9 +45,9 @@ def colours(conflict: Conflict) -> NDArray[np.float32]:
 
 
 def write_conflict(scene: bpy.types.Scene, conflict: Conflict | None, is_packed: bool) -> None:
-    """Have a result's image show a conflict, or none where there is none.
+    """Write a conflict into the result's image, or remove the image.
 
-    is_packed : saved within the file at once; else `pack_conflict` does it later
+    is_packed : pack it into the file at once; else `pack_conflict` does it later
     """
     result = scene.kiriko.result
     old = result.conflict
@@ -65,13 +67,13 @@ def write_conflict(scene: bpy.types.Scene, conflict: Conflict | None, is_packed:
 
 
 def pack_conflict(scene: bpy.types.Scene) -> None:
-    """Save the image within the file, where it is not."""
+    """Pack the image into the file, unless it is."""
     image = scene.kiriko.result.conflict
     if image is not None and image.is_dirty:
         pack(image, image.name)
 
 
-# matplotlib's viridis by S. van der Walt and N. Smith (CC0), at every fourth of its length
+# matplotlib's viridis by S. van der Walt and N. Smith (CC0), at quarters of its length
 ANCHORS = np.array(
     [
         (0.267, 0.005, 0.329),

@@ -1,4 +1,4 @@
-"""Puts a source image on the display, by a material of Kiriko's own."""
+"""Shows a source image on the display, by a material of Kiriko's own."""
 
 import bpy
 
@@ -7,12 +7,12 @@ from ..data.image import PACKED_MARK
 from ..data.rigs import keep
 from ..materials import shaders
 
-MATERIAL_MARK = "kiriko_display"  # marks a material that Kiriko made and may write to
-BLACK_LEVEL = "kiriko_black_level"  # of the display that a material of ours was made for
+MATERIAL_MARK = "kiriko_display"  # on materials made by Kiriko, which it may change
+BLACK_LEVEL = "kiriko_black_level"  # on such a material: the black level of its display
 
 
 def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
-    """Does a display show an image by materials of ours on all its slots, as dark as it can?"""
+    """Whether Kiriko's materials on all slots show an image at the display's black level."""
     black_level = display.kiriko.display.black_level
     materials = [slot.material for slot in display.material_slots]
     return bool(materials) and all(
@@ -25,7 +25,7 @@ def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
 
 
 def _has_no_place(display: bpy.types.Object, name: str) -> str:
-    """Why no material can be put on a display; '' where one can."""
+    """Why a display cannot have a material; '' if it can."""
     if display.data is None or not hasattr(display.data, "materials"):
         return Message(
             "'{display}' has no material of its own. Give the image '{image}' to the object it"
@@ -49,11 +49,10 @@ def put_on_display(
 ) -> list[str]:
     """Make a display emit an image, by a material of its own in place of the user's.
 
-    name : that the image is about to have; None: it has it
+    name : the image's future name; None for its present one
 
-    The material is linked to the object, so that other users of the mesh keep theirs; the user's
-    own material stays in the mesh and in the file. Returns one sentence for each material that gave
-    way.
+    The material is linked to the object, so other users of the mesh keep theirs. The user's own
+    material stays in the mesh and in the file. Returns a sentence for each replaced material.
     """
     if why_not := _has_no_place(display, name or image.name):
         return [why_not]
@@ -79,15 +78,17 @@ def put_on_display(
     if not display.material_slots:
         display.data.materials.append(None)
 
-    # the new material takes the place of Kiriko's own from before
+    # the new material replaces Kiriko's earlier one
     own = {display, display.data} if display.data.users == 1 else {display}
-    if old is not None and bpy.data.user_map(subset=[old])[old] <= own:  # else others show it, too
+    if (
+        old is not None and bpy.data.user_map(subset=[old])[old] <= own
+    ):  # otherwise other objects show it, too
         name = old.name
         before = [node.image for node in old.node_tree.nodes if node.type == "TEX_IMAGE"]
         old.user_remap(ours)
         bpy.data.materials.remove(old)
         ours.name = name
-        # of a result that is gone, as that of a rig whose duplicate this is
+        # of a result without an image, such as that of a duplicated rig
         gone = [one for one in before if one and PACKED_MARK in one and not one.users]
         bpy.data.batch_remove(gone)
 

@@ -1,6 +1,4 @@
-"""The images of a result: one list of them, for all who show, keep
-or remove them; and has the source image its numbers?
-"""
+"""The images of a result, for display, storage and removal."""
 
 import bpy
 
@@ -12,21 +10,21 @@ IMAGES = ("source", "seen", "preview", "conflict")
 
 
 def images_of(result: bpy.types.PropertyGroup) -> list[bpy.types.Image]:
-    """The images that a result has, in the order of the list."""
+    """The images of a result, in the order of the list."""
     found = [getattr(result, name) for name in IMAGES]
     return [image for image in found if image is not None]
 
 
 def lacks_numbers(result: bpy.types.PropertyGroup) -> bool:
-    """Is a result's source image final, and are its numbers still to come?"""
+    """Whether a result's source image is final while its figures are still to come."""
     return result.source is not None and not result.is_coarse and not result.summary
 
 
 def read_images_anew() -> None:
-    """Have the images of all results be those that are packed, after undo.
+    """Reload the images of all results from their packed files, after undo.
 
-    A step made while Live had newer pixels than it had packed has the numbers of those: they are of
-    no scene any more.
+    An undo step made while Live had unpacked pixels has the figures of those pixels: its result
+    belongs to no scene.
     """
     for ours in all_settings():
         result = ours.result

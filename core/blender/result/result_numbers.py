@@ -1,4 +1,4 @@
-"""The numbers of a solution, as a scene keeps them."""
+"""Figures of a solution, as stored in a scene."""
 
 from dataclasses import asdict
 from functools import partial
@@ -17,7 +17,7 @@ from ..read.scene import Reading
 def numbers_of(
     scene: bpy.types.Scene, reading: Reading, solution: Solution
 ) -> tuple[dict[str, Any], list[str]]:
-    """Numbers of a solution, and notes for the user: made before anything is written."""
+    """Figures of a solution, and notes for the user; writes nothing."""
     tolerance = scene.kiriko.tolerance
     in_units = partial(length_text, scene)
     notes = [
@@ -63,9 +63,10 @@ def numbers_of(
 
 
 def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -> dict[str, Any]:
-    """The cost of a solve, of these seconds by part, at half and twice the tolerance (display px).
+    """The cost of a solve at half and twice the tolerance (display px), from the seconds of its
+    parts.
 
-    After one that traced nothing it is the costs of the solve before, whose cells it used.
+    A solve without tracing keeps the costs of the previous one, whose cells it used.
     """
     before = StoredNumbers.read(scene.kiriko.result.details).by_name
     if "tracing" not in seconds:
@@ -83,12 +84,10 @@ def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -
 
 
 def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> None:
-    """Keep a report's measurements, tolerances (display px) and
-    seconds, and tell the last result's costs by it.
-    """
+    """Store a report's tolerances (display px) and seconds, and update the last result's costs."""
     result = scene.kiriko.result
     result.ladder = Ladder(ladder).text()
     details = StoredNumbers.read(result.details).by_name
-    if "seconds" in details:  # Add Rig knows the legibility alone
+    if "seconds" in details:  # Add Rig stores the legibility alone
         details["cost"] = costs(scene, details["seconds"], details["tolerance"])
         result.details = StoredNumbers(details).text()

@@ -1,4 +1,4 @@
-"""The scene's fingerprint as it stands now, read without putting any mesh into the world."""
+"""The fingerprint of the present scene, computed without transforming any mesh."""
 
 from collections.abc import Container
 from dataclasses import replace
@@ -15,13 +15,13 @@ from ...solve.solved_for import SolvedFor, solved_for
 from ..read.scene import read_drawn
 from ..read.shapes import Shape, ShapeCache
 
-# a direction along which no two places are alike by chance
+# a direction that gives any two places different coordinates
 SLANTED = np.sqrt([2.0, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37])
 
 
 class _Unplaced:
-    """Stands in for `ShapeCache` in a reading: meshes stay as their objects have them, and their
-    places are noted.
+    """Replaces `ShapeCache` in a reading: meshes keep local coordinates, and their places are
+    recorded.
     """
 
     def __init__(self, kept: ShapeCache) -> None:
@@ -34,7 +34,7 @@ class _Unplaced:
 
 
 class _Unmoved:
-    """Takes the place of a Shape."""
+    """Replaces a Shape."""
 
     def __init__(self, shape: Shape, notes: _Unplaced) -> None:
         self.slots, self.texture = shape.slots, shape.texture
@@ -50,7 +50,7 @@ class _Unmoved:
             uv=local.uv,
             surface=surface.lower(),
         )
-        # the mesh, so that no other gets its id
+        # keeps the mesh alive, so no other gets its id
         self._notes.drawn[id(mesh)] = mesh, self._shape, matrix
         return mesh, 0
 
@@ -62,9 +62,9 @@ def scene_now(
     kept: ShapeCache | None = None,
     has_pixels: bool = True,
 ) -> SolvedFor:
-    """The fingerprint for a solve of the scene as it stands; raises as `scene.read` does.
+    """The fingerprint for a solve of the present scene; raises as `scene.read` does.
 
-    has_pixels : do the picture's pixels count, and not its place alone?
+    has_pixels : include the picture's pixels, not only its place
     """
     kept = kept or ShapeCache()
     notes = _Unplaced(kept)
@@ -78,8 +78,8 @@ def scene_now(
 
 
 def _in_any_order(rig: Rig) -> Rig:
-    """The rig with its viewers, which may be alike but for their places, in an order that is not
-    the list's.
+    """The rig with its viewers, which may differ only by place, in an order independent of the
+    list's.
     """
     viewers = sorted(rig.viewers, key=lambda one: float(_place_of(one).ravel() @ SLANTED))
     number = {viewer.name: n for n, viewer in enumerate(viewers)}
@@ -95,9 +95,7 @@ def _place_of(viewer: Viewer) -> Floats:
 
 
 def _thing(part: Any, notes: _Unplaced, kept: ShapeCache) -> tuple[object, Floats]:
-    """A part's content, in which short fingerprints stand for large arrays, and its
-    place (3, 4).
-    """
+    """A part's content, with fingerprints for large arrays, and its place (3, 4)."""
     if hasattr(part, "axes"):  # a viewer
         content = fields_of(part, {"name", "axes", "position"})
         return content, _place_of(part)
@@ -105,17 +103,17 @@ def _thing(part: Any, notes: _Unplaced, kept: ShapeCache) -> tuple[object, Float
     if isinstance(part, Picture):
         first, *others = map(kept.fingerprint_of, part.images)
         part = replace(part, image=first, own=tuple(others))
-    # a picture in the viewer's pixels, or nothing to see
+    # a picture in the viewer's pixels, or an empty mesh
     if part.mesh is None or id(part.mesh) not in notes.drawn:
         return part, np.eye(3, 4)
 
     mesh, shape, matrix = notes.drawn[id(part.mesh)]
-    # all else in a plate is its place once more
+    # the remaining fields of a plate repeat its place
     content = fields_of(part, {"name", "mesh", "side", "centre"})
     return (content, shape.fingerprint, mesh.surface), matrix[:3]
 
 
 def fields_of(part: Any, without: Container[str]) -> tuple[object, ...]:
-    """The fields of a part but for some, with their names."""
+    """The fields of a part except some, with their names."""
     named = (f.name for f in counted(part) if f.name not in without)
     return (type(part).__name__, *((name, getattr(part, name)) for name in named))

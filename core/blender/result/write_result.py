@@ -1,6 +1,4 @@
-"""Writes a solution to Blender: the image, the display's
-material, the numbers. All of it, or nothing.
-"""
+"""Writes a solution to Blender: image, display material and figures, all or nothing."""
 
 from dataclasses import asdict, replace
 from typing import Any
@@ -25,19 +23,20 @@ SOURCE = "Kiriko Source"
 
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """A packed float image with these pixels (linear, row 0 at the top) that takes the place and
-    name of an old one, but of one that another result has, too.
+    """A packed float image with these pixels (linear, row 0 at the top) that replaces an old one
+    under
+    its name, unless another result has it, too.
     """
     return _take_place(_packed(name, pixels), old, name)
 
 
 def unpacked_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """The same, but not packed, for images that follow each other fast."""
+    """The same without packing, for images in quick succession."""
     return _take_place(image_from_pixels(f"{name} (new)", pixels), old, name)
 
 
 def let_go(result: bpy.types.PropertyGroup, image: bpy.types.Image) -> None:
-    """Remove an image that a result had, unless anything but windows uses it."""
+    """Remove an image of a result unless more than windows uses it."""
     if result.shown == image:
         result.shown = result.source
     shown = bpy.types.Screen | bpy.types.WorkSpace | bpy.types.WindowManager
@@ -47,7 +46,7 @@ def let_go(result: bpy.types.PropertyGroup, image: bpy.types.Image) -> None:
 
 
 def _packed(name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """A packed float image with these pixels that does not have its name yet."""
+    """A packed float image with these pixels, under a temporary name."""
     image = image_from_pixels(f"{name} (new)", pixels)
     with or_none(image):
         pack(image, name)
@@ -55,8 +54,8 @@ def _packed(name: str, pixels: np.ndarray) -> bpy.types.Image:
 
 
 def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) -> bpy.types.Image:
-    """Give an image the place and name of an old one, which goes; where another result has the old
-    one, too, as in a full copy of a scene, it stays there.
+    """Replace an old image under its name and remove it. An image of several results, as in a full
+    copy of a scene, stays.
     """
     if old is not None and not _is_shared(old):
         old.user_remap(image)
@@ -66,17 +65,16 @@ def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) 
 
 
 def _is_shared(image: bpy.types.Image) -> bool:
-    """Do several results, of other scenes or rigs, have an image?"""
+    """Whether several results, of other scenes or rigs, have an image."""
     return sum(image in images_of(ours.result) for ours in all_settings()) > 1
 
 
 def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image:
-    """Show other pixels (h, w, 3; linear, row 0 at the top) as
-    the scene's source image, without packing it.
+    """Show pixels (h, w, 3; linear, row 0 at the top) as the scene's source image, without packing
+    it.
 
-    For pictures that follow each other fast: where the image has their size it stays the same
-    datablock, so that no material is built again. The packed image is out of date from then on;
-    `pack_source` puts that right.
+    For pictures in quick succession: an image of the same size stays the same datablock, so no
+    material is rebuilt. Its packed file is out of date until `pack_source`.
     """
     image = scene.kiriko.result.source
     if has_size_of(image, pixels):
@@ -85,29 +83,29 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
         name = name_for(scene, SOURCE)
         scene.kiriko.result.source = image = unpacked_image(image, name, pixels)
 
-    image.update_tag()  # for renderers in the viewport, which keep a copy
+    image.update_tag()  # for viewport renderers, which keep a copy
     _show_source(scene)
     return image
 
 
 def _show_source(scene: bpy.types.Scene) -> None:
-    """Show the source image in the result; the simulation is of another one."""
+    """Show the source image in the result, and drop the older simulation."""
     scene.kiriko.result.seen_summary = ""
     scene.kiriko.result.shown = scene.kiriko.result.source
 
 
 def has_size_of(image: bpy.types.Image | None, pixels: np.ndarray) -> bool:
-    """Can an image, of one result alone, take these pixels as it is?"""
+    """Whether an image belongs to one result and fits these pixels."""
     fits = image is not None and image.is_float and tuple(image.size) == pixels.shape[1::-1]
     return fits and is_in_working_space(image) and not _is_shared(image)
 
 
 def pack_source(scene: bpy.types.Scene) -> None:
-    """Save the source image within the file after `update_source`."""
+    """Pack the source image after `update_source`."""
     image = scene.kiriko.result.source
     if image is not None:
         pack(image, image.name)
-        # read from the packed file when next asked for, it does not count as unsaved
+        # reloaded from the packed file on next use, it counts as saved
         image.buffers_free()
 
 
@@ -128,7 +126,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
 def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
     """The same, fast, for one of many solutions: see `update_source`.
 
-    The display's material stays if it is right, and so do pixels that were written already.
+    A correct display material and unchanged pixels stay.
     """
     numbers = numbers_of(scene, reading, solution)
     image = scene.kiriko.result.source
@@ -148,11 +146,10 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
 
 
 def update_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
-    """Show pixels as `update_source` does, as a coarse source image: on the display, too, so that
-    it is seen through the glass while the final one takes its time.
+    """Show pixels as `update_source` does, as a rough source image, also on the display, while the
+    final one is computed.
 
-    Returns the reading from which the final result is to be
-    written: it knows which materials have given way.
+    Returns the reading for the final result, with notes on replaced materials.
     """
     image = update_source(scene, pixels)
     scene.kiriko.result.is_coarse = True
@@ -163,14 +160,14 @@ def update_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) 
 
 
 def update_final(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
-    """The same with the final source image, whose numbers follow: those of before go."""
+    """The same with the final source image; the old figures are dropped, the new ones follow."""
     reading = update_coarse(scene, reading, pixels)
     _take_numbers(scene, reading, is_coarse=False)
     return reading
 
 
 def leave_coarse(scene: bpy.types.Scene, reading: Reading) -> None:
-    """A coarse source image that `update_coarse` showed stays: numbers of the one before go."""
+    """Keep a rough source image from `update_coarse`, and drop the figures of the previous one."""
     if scene.kiriko.result.is_coarse:
         _take_numbers(scene, reading, is_coarse=True)
 
@@ -181,11 +178,10 @@ def _with_notes(reading: Reading, notes: list[str]) -> Reading:
 
 
 def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
-    """Show pixels (h, w, 3; linear, row 0 at the top) as a
-    coarse source image, whole as a result without numbers.
+    """Show pixels (h, w, 3; linear, row 0 at the top) as a rough source image, a complete result
+    without figures.
 
-    Returns the reading from which the final result is to be
-    written: it knows which materials have given way.
+    Returns the reading for the final result, with notes on replaced materials.
     """
     remarks = _put_in_place(scene, reading, _packed(name_for(scene, SOURCE), pixels))
     reading = _with_notes(reading, remarks)
@@ -194,7 +190,7 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
 
 
 def _take_numbers(scene: bpy.types.Scene, reading: Reading, is_coarse: bool) -> None:
-    """Take away numbers of another source image than the one of this reading that is shown now."""
+    """Drop the figures of an earlier source image."""
     result = scene.kiriko.result
     result.is_coarse, result.coverage = is_coarse, 0.0
     result.summary = result.details = result.seen_summary = ""
@@ -204,9 +200,9 @@ def _take_numbers(scene: bpy.types.Scene, reading: Reading, is_coarse: bool) -> 
 
 
 def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Image) -> list[str]:
-    """Give a new image the place of the scene's source image, on the display, too.
-
-    It goes again where that fails.
+    """Replace the scene's source image, also on the display, by a new one; remove the new one if
+    this
+    fails.
     """
     old, name = scene.kiriko.result.source, name_for(scene, SOURCE)
     display = bpy.data.objects.get(reading.display_object)
@@ -231,7 +227,7 @@ def _write_numbers(
     numbers: tuple[dict[str, Any], list[str]],
     remarks: list[str],
 ) -> str:
-    """Write the panel's numbers of a solution, and return it in one sentence."""
+    """Write the panel's figures of a solution, and return it in one sentence."""
     result = scene.kiriko.result
     details, notes = numbers
     result.coverage = details["picture_coverage"]
@@ -244,16 +240,16 @@ def _write_numbers(
     result.notes = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks])))
     result.sentences = Sentences.of(text, notes, remarks, details).text()
     result.is_coarse = False
-    result.seen_summary = ""  # the simulation is of another one
+    result.seen_summary = ""  # it shows an older image
     result.solved_for = reading.solved_for
 
     return text
 
 
 def write_helps(scene: bpy.types.Scene, helps: Remedies | None) -> None:
-    """Keep the remedies that were found for the light a result lacks, None where none were sought.
+    """Store the remedies for a result's lost light; None if none were sought.
 
-    They are told as long as the result is that of the scene.
+    They are reported as long as the result is up to date.
     """
     if helps is None or not (helps.helps or helps.is_whole):
         return
@@ -261,23 +257,23 @@ def write_helps(scene: bpy.types.Scene, helps: Remedies | None) -> None:
 
 
 def write_legibility(scene: bpy.types.Scene, legibility: float, helps: tuple[Help, ...]) -> None:
-    """Keep how legible the picture is, 0..1, and the remedies that were found."""
+    """Store the picture's legibility, 0..1, and its remedies."""
     _add_numbers(scene, legibility_numbers(legibility, helps))
 
 
 def legibility_numbers(legibility: float, helps: tuple[Help, ...]) -> dict[str, Any]:
-    """The same as numbers of a result."""
+    """The legibility and its remedies as figures of a result."""
     return {"legibility": legibility, "legible_by": [asdict(help) for help in helps]}
 
 
 def write_viewers(scene: bpy.types.Scene, found: dict[str, Any]) -> None:
-    """Keep what several viewers see of a result, by name; nothing where there is one."""
+    """Store the views of several viewers by name; nothing for a single viewer."""
     if found:
         _add_numbers(scene, found)
 
 
 def _add_numbers(scene: bpy.types.Scene, found: dict[str, Any]) -> None:
-    """Keep beside the numbers of a result those that were found after it."""
+    """Add later figures to a result."""
     result = scene.kiriko.result
     details = StoredNumbers.read(result.details).by_name
     result.details = StoredNumbers({**details, **found}).text()
