@@ -26,10 +26,10 @@ MADE = {
     "VIEWER": Message("Make a Viewer"),
     "PLATE": Message("Make a Plate"),
 }
-MOST_OFFERED = 2  # objects that may be the glass
+MOST_OFFERED = 2  # possible glass objects
 LARGEST = 0.5  # m: wider glass was probably drawn without a size in mind
 SMALLEST = 0.002  # m
-IN_HAND = 0.1  # m: the largest width of glass that is held in one hand
+IN_HAND = 0.1  # m: largest width of handheld glass
 MILLIMETRES = 1e-3  # the factor for millimetres drawn as metres
 WORTH = 0.005  # share of the picture: a smaller loss needs no action
 
@@ -60,7 +60,7 @@ REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
     ),
 }
 BY_OPERATOR = {b.operator: b for b in (FIT_PLATE, FIT_DISPLAY, FIT_PICTURE, BEST_PLACE)}
-# remedies for a picture that is hard to recognise: words and icons of the buttons
+# remedies for an illegible picture: words and icons of the buttons
 TO_READ = {
     SMOOTH_GLASS: (Message("Smooth Glass"), "MOD_SMOOTH"),
     MOVE_TO_GLASS: (Message("Move to Glass"), "SNAP_FACE"),
@@ -91,8 +91,7 @@ def entries(seen: Inspection, length_text: Callable[[float], str]) -> list[Entry
 
 def findings(seen: Inspection) -> Iterator[Entry]:
     """Entries on the shape of the glass and on glass left out. A result keeps them as notes if
-    nobody
-    sees the checklist.
+    nobody sees the checklist.
     """
     yield from _on_in_glass(seen)
     for thing in _shown(seen):
@@ -105,9 +104,7 @@ def _shown(seen: Inspection) -> list[Thing]:
 
 
 def _on_missing(seen: Inspection) -> Iterator[Entry]:
-    """Missing parts. Add Rig makes all of them as long as there is no rig; a hidden part is
-    shown.
-    """
+    """Missing parts. Without a rig Add Rig makes all of them; a hidden part is shown."""
     if seen.has_rig and seen.missing and not seen.things:
         button = Button("kiriko.remove_rig", Message("Remove Rig"), (), "TRASH")
         yield Entry(Message("All parts of the rig are gone."), PROBLEM, (button,))
@@ -158,9 +155,7 @@ def _show(thing: Thing) -> Button:
 
 
 def _on_too_many(seen: Inspection) -> Iterator[Entry]:
-    """Several parts with a role a rig has once, perhaps all duplicated; and objects that cannot be
-    parts.
-    """
+    """Several parts in a role for one, perhaps all duplicated, and objects unfit as parts."""
     if seen.is_doubled:
         text = Message("The rig's parts were duplicated within the same rig.")
         label = Message("Duplicate Rig")
@@ -176,7 +171,7 @@ def _on_too_many(seen: Inspection) -> Iterator[Entry]:
 
 
 def too_many(role: str, n: int) -> Message:
-    """The sentence on several parts with a role a rig has once."""
+    """The sentence on several parts in a role for one."""
     return Message(
         "{n} objects have the role {role}, but a rig has only one. Leave out the others.",
         n=n,
@@ -222,7 +217,7 @@ def _on_in_glass(seen: Inspection) -> Iterator[Entry]:
 
 
 def _on_lost(seen: Inspection) -> Iterator[Entry]:
-    """Data that is missing from its library."""
+    """Data missing from its library."""
     for text, library in seen.lost:
         values = (("library", library),)
         yield Entry(
@@ -245,7 +240,7 @@ def _on_result(seen: Inspection, length_text: Callable[[float], str]) -> Iterato
 
 
 def _on_display(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
-    """A display that Add Rig made large enough for the outermost light."""
+    """A display large enough for the outermost light, as Add Rig makes it."""
     for thing in _shown(seen):
         if thing.role == "DISPLAY" and thing.width > seen.for_most > 0:
             text = Message(
@@ -306,7 +301,7 @@ def _losses(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[E
 
 
 def _solve(seen: Inspection) -> Entry:
-    """A result that is incomplete or out of date."""
+    """An incomplete or outdated result."""
     solve = (Button(SOLVE, Message("Solve"), (), "LIGHT_SUN"),)
     if seen.is_coarse:
         return Entry(
@@ -345,7 +340,7 @@ def _remedy(
 
 
 def meant_factors(width: float) -> list[float]:
-    """Factors that may give a width, m, the intended size: MILLIMETRES first if the result is
+    """Candidate factors from a width, m, to the intended size: MILLIMETRES first if the result is
     plausible, then the largest power of ten that fits IN_HAND.
     """
     in_hand = 10.0 ** -(floor(log10(width / IN_HAND) - 1e-9) + 1)

@@ -1,6 +1,5 @@
 """Products of the catalogue on objects: gives an object a product's values, and recognises a
-product
-by them.
+product by them.
 
 No object stores the name of a product, so a shown name is never out of date.
 """
@@ -29,7 +28,7 @@ SAME_INDEX = 5e-5  # half the last displayed digit
 
 @dataclass(frozen=True)
 class Given:
-    """The sentence on an object that was given a product.
+    """The sentence on an object with a new product.
 
     is_whole : the object has the product's size, too
     """
@@ -107,8 +106,7 @@ def give_display(
     is_upright: bool = False,
 ) -> Given:
     """Give a display a product's resolution, its size about the display's centre, and its luminance
-    if
-    the maker states it.
+    if the maker states it.
 
     is_upright : the longer side goes up, along the UV map's v
     """
@@ -151,8 +149,7 @@ def display_product(context: bpy.types.Context, display: bpy.types.Object) -> Di
 
 def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> list[Given]:
     """Give glasses the index of a product: in their materials if no other object uses them and
-    their
-    index is a plain number, else as an override.
+    their index is a plain number, else as an override.
     """
     reasons = {thing: _why_override(thing, glasses) for thing in glasses}
     given = []
@@ -182,15 +179,12 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
 
 def index_in_use(glass: bpy.types.Object) -> tuple[float, str] | None:
     """The index of a glass, and the name of its material, '' for the override or the default; None
-    for
-    instances, which each have their own.
+    for instances, which each have their own.
     """
     ours, scene = glass.kiriko, bpy.context.scene
     if ours.use_ior:
         return ours.ior, ""
-    shown = each_material(
-        scene, glass
-    )  # of many instances, the first refractive material is enough
+    shown = each_material(scene, glass)  # lazily: the first refractive one is enough
     first = next(shown, None)
     if first is None and shows_instances_alone(evaluated(scene, glass)):
         return None

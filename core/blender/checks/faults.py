@@ -1,6 +1,5 @@
 """Faults of a mesh that cost light: open edges, flipped and interior faces, and flat faces of a
-curved
-surface.
+curved surface.
 """
 
 from typing import NamedTuple
@@ -68,8 +67,7 @@ def _is_bent(mesh: bpy.types.Mesh, polygon: Ints) -> Bools:
 
 def open_edges(edges: Ints, triangles: Ints, body: Ints) -> Bools:
     """Mask (e,) of edges (e, 2) with one triangle, or more than two of one body (t,), among
-    triangles
-    (t, 3).
+    triangles (t, 3).
 
     An edge without triangles is a wire, which no light meets. An edge from a vertex to itself is a
     point.
@@ -106,8 +104,7 @@ class _EdgeSides(NamedTuple):
 
 def n_facets(mesh: bpy.types.Mesh, one: Ints) -> int:
     """Number of flat polygons that approximate a curve; 0 if they are few or a small part of the
-    area,
-    as on cut crystal.
+    area, as on cut crystal.
 
     Coplanar neighbours, such as the two triangles of a quad, are one facet. A facet of a curve has
     two neighbours of similar size, at small angles, across edges where the shading breaks. The

@@ -17,38 +17,36 @@ def naming(named: Named, **more: object) -> tuple[tuple[str, object], ...]:
 
 
 def select_part(thing: Thing) -> Button:
-    """The button that selects an object."""
+    """The button for selecting an object."""
     label = Message("Select Part")
     return Button("kiriko.select_part", label, naming(thing.named), "RESTRICT_SELECT_OFF")
 
 
 def choose_image(thing: Thing) -> Button:
-    """The button that opens an image as the picture."""
+    """The button for opening an image as the picture."""
     return Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
 
 
 def make_glass(thing: Thing) -> Button:
-    """The button that gives an object a glass material, labelled with its product."""
+    """The button for a glass material, labelled with its product."""
     label = Message("Make It Glass ({product})", product=Message("Acrylic"))
     return Button("kiriko.make_glass", label, naming(thing.named), "MATSPHERE")
 
 
 def thicken(thing: Thing) -> Button:
-    """The button that gives an object a thickness."""
+    """The button for a thickness."""
     return Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
 
 
 def fill_holes(thing: Thing) -> Button:
-    """The button that closes holes; the object is selected instead if a modifier opens the
-    edges.
-    """
+    """The button for closing holes; selects the object if a modifier opens the edges."""
     if not thing.own_faults.n_open:
         return select_part(thing)
     return Button("kiriko.fill_holes", Message("Fill Holes"), naming(thing.named), "SNAP_FACE")
 
 
 def turn_out(thing: Thing) -> Button:
-    """The button that turns all normals outward."""
+    """The button for outward normals."""
     if not (thing.own_faults.n_turned or thing.own_faults.is_inside_out):
         return select_part(thing)
     label = Message("Recalculate Normals")
@@ -56,7 +54,7 @@ def turn_out(thing: Thing) -> Button:
 
 
 def shade_smooth(thing: Thing) -> Button:
-    """The button that shades a mesh smooth, after merging imported faces."""
+    """The button for smooth shading, after merging imported faces."""
     if not thing.own_faults.n_faces:
         return select_part(thing)
     label = Message("Shade Smooth")
@@ -67,8 +65,7 @@ def shade_smooth(thing: Thing) -> Button:
 
 def is_brought(thing: Thing) -> bool:
     """Whether a mesh has loose or flipped triangles, as imported files have: then flat shading is
-    not
-    intended.
+    not intended.
     """
     return thing.own_faults.n_turned > 0 or thing.own_faults.n_loose > 0
 

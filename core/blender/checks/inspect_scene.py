@@ -43,11 +43,7 @@ from ..result.result_images import lacks_numbers
 from .faults import counts_of
 from .to_do import FaultCounts, Inspection, Named, Thing
 
-BOXLESS = {
-    "CURVE",
-    "FONT",
-    "SURFACE",
-}  # types whose bounding box in Blender is not that of their surface
+BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's bounding box is not that of their surface
 PROBE = Vector((0.36, 0.48, 0.8))  # along no usual edge
 ENCLOSED_STEP = 1e-6  # of the glass's size, from a hit on
 MOST_HITS = 1000
@@ -57,8 +53,7 @@ Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
 class InspectedMesh(NamedTuple):
     """An inspected mesh: its faults as read and before modifiers, and the sides (3,) of its box in
-    the
-    object's own space.
+    the object's own space.
     """
 
     as_read: FaultCounts
@@ -77,8 +72,8 @@ def inspect(
 
     Parameters
     ----------
-    found : objects by role, each with the setting that hides it; NO_PART for objects that cannot be
-        parts
+    found : objects by role, each with the setting that hides it; NO_PART for objects
+        unfit as parts
     missing : phrases on missing roles
     meshes : inspected meshes by session uid of the object
     is_stale : the result is out of date
@@ -133,7 +128,7 @@ def _around(scene: bpy.types.Scene, missing: Mapping[str, str]) -> dict[str, Any
 
 
 def _solids(scene: bpy.types.Scene) -> Iterator[Named]:
-    """Objects without a role that may be glass, the active one first."""
+    """Possible glass: objects without a role, the active one first."""
     active = bpy.context.view_layer.objects.active
     for thing in sorted(scene.objects, key=lambda thing: thing != active):
         is_free = thing.kiriko.role == "NONE" and OBJECT_MARK not in thing
@@ -172,8 +167,7 @@ def _thing(
 
 def _worth_telling(scene: bpy.types.Scene, faults: FaultCounts) -> FaultCounts:
     """The faults to report. Inward normals of closed glass matter only to Cycles, which tells
-    inside
-    from outside by them.
+    inside from outside by them.
     """
     is_told = faults.n_open > 0 or bool(scene.kiriko_scene.looking)
     return faults._replace(is_inside_out=faults.is_inside_out and is_told)

@@ -114,8 +114,8 @@ class Inspection:
     has_rig : Add Rig made a rig
     has_own_camera : a camera was made for that rig
     cameras : names of the scene's cameras, those of the rig first
-    no_parts : sentences on objects with a role that cannot be parts, and their names
-    solids : objects without a role that may be glass, the active one first
+    no_parts : sentences on objects with a role but unfit as parts, and their names
+    solids : possible glass without a role, the active one first
     in_glass : refractive objects without a role inside the glass
     enclosed : names of a viewer and of the glass around it
     lost : sentences on data missing from a library, and the library's name

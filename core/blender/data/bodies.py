@@ -65,8 +65,8 @@ def on_no_place(name: str) -> Message:
 
 
 def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.BooleanModifier]:
-    """Objects that only serve others of these as tools of a Boolean modifier, with the modifier of
-    each. Wine that cuts its glass is not a tool: it is rendered, and not drawn as an outline.
+    """Objects serving others only as tools of a Boolean modifier, with the modifier of each. Wine
+    that cuts its glass is not a tool: it is rendered, and not drawn as an outline.
     """
     used: dict[bpy.types.Object, bpy.types.BooleanModifier] = {}
     for modifier in (one for whole in things for one in whole.modifiers):

@@ -98,8 +98,7 @@ def image_window(
 
 def orthonormal_axes(matrix: Floats, name: str) -> Floats:
     """Rows right, up, forward of a camera with this world matrix (4, 4); its scale is ignored, as
-    in
-    Blender.
+    in Blender.
 
     The nearest orthonormal frame (polar decomposition), which spreads float32 noise evenly.
     """
@@ -118,8 +117,8 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
 
 
 class Seat(NamedTuple):
-    """A viewer of the scene: its camera, None if deleted, its weight, and its own image if it
-    has one.
+    """A viewer of the scene: its camera, None if deleted, its weight, and its own image if it has
+    one.
     """
 
     camera: bpy.types.Object | None
@@ -143,9 +142,7 @@ def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
 def instanced_viewers(
     scene: bpy.types.Scene,
 ) -> Iterator[tuple[bpy.types.Object, bpy.types.Object]]:
-    """Cameras of rigs whose collections are instanced in a scene, each with the instancing
-    object.
-    """
+    """Cameras of rigs instanced in a scene, each with the instancing object."""
     for rig in bpy.data.collections:
         if not rig.kiriko.is_rig:
             continue
@@ -164,7 +161,7 @@ def is_deleted(camera: bpy.types.Object) -> bool:
 
 
 def seats_of(scene: bpy.types.Scene) -> list[Seat]:
-    """The scene's viewers that are on, in their order."""
+    """The scene's viewers in use, in their order."""
     listed = scene.kiriko.viewers
     if not len(listed):
         camera = camera_at(scene, 0)
@@ -177,7 +174,7 @@ def seats_of(scene: bpy.types.Scene) -> list[Seat]:
 
 
 def own_images(scene: bpy.types.Scene) -> list[bpy.types.Image]:
-    """The viewers' own images, for viewers that are on, in their order."""
+    """The own images of viewers in use, in their order."""
     return [seat.image for seat in seats_of(scene) if seat.image is not None]
 
 

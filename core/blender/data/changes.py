@@ -18,7 +18,7 @@ def value_of(owner: bpy.types.bpy_struct, path: str) -> Any:
 
 
 def change(owner: bpy.types.bpy_struct, values: dict[str, Any]) -> list[Change]:
-    """Set values in order; returns the changes that were made."""
+    """Set values in order; returns the actual changes."""
     before = {path: value_of(owner, path) for path in values}
 
     try:
@@ -34,9 +34,7 @@ def change(owner: bpy.types.bpy_struct, values: dict[str, Any]) -> list[Change]:
 
 
 def put_back(owner: bpy.types.bpy_struct, changes: list[Change]) -> None:
-    """Undo changes, the last one first. Settings that no longer exist, such as an add-on's, are
-    skipped.
-    """
+    """Undo changes, the last one first. Missing settings, as of a removed add-on, are skipped."""
     for path, before, after in reversed(changes):
         try:
             is_ours = value_of(owner, path) == after
@@ -50,6 +48,6 @@ def _set(owner: bpy.types.bpy_struct, path: str, value: Any) -> None:
     group, _, name = path.rpartition(".")
     try:
         setattr(owner.path_resolve(group) if group else owner, name, value)
-    except TypeError:  # an engine or other choice that no longer exists
+    except TypeError:  # a removed engine or other choice
         if value_of(owner, path) != value:
             raise

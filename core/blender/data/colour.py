@@ -46,9 +46,7 @@ def to_rec709(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def from_rec709(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Linear Rec.709 pixels (h, w, 3 or 4) in the working space: the same array if it is
-    Rec.709.
-    """
+    """Linear Rec.709 pixels (h, w, 3 or 4) in the working space: the same array for Rec.709."""
     matrix = rec709_from_working()
     if matrix is None:
         return pixels

@@ -18,9 +18,7 @@ THUMBNAIL = 256  # px, Blender's largest size
 UNPACKED = ""  # its packed file, if any, has older pixels
 PACKED_MARK = "kiriko_packed"  # on an image: identifies its packed file
 WORKING_MARK = "kiriko_working"  # on an image: the matrix to Rec.709 of the space it was made in
-_read: dict[
-    int, str
-] = {}  # by session uid of the image: the packed file of the pixels in Blender's memory
+_read: dict[int, str] = {}  # the packed file of the pixels in memory, by session uid of the image
 
 
 @contextmanager
@@ -63,8 +61,7 @@ def is_in_working_space(image: bpy.types.Image) -> bool:
 
 def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
     """Replace the pixels of a float image by others (h, w, 3 or 4) of the same size, linear
-    Rec.709,
-    row 0 at the top. It stays unsaved.
+    Rec.709, row 0 at the top. It stays unsaved.
     """
     numbers = from_rec709(pixels)
     height, width, channels = numbers.shape
@@ -121,8 +118,7 @@ def holds(image: bpy.types.Image, pixels: NDArray[np.float32]) -> bool:
 
 def encoded_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:
     """New packed 8-bit sRGB image of linear pixels (h, w, 3), row 0 at the top: small in the file,
-    for
-    pictures.
+    for pictures.
     """
     return packed_image(name, encoded(quantised(pixels, "uint8")))
 
@@ -156,8 +152,7 @@ def pack(image: bpy.types.Image, name: str) -> None:
 
 def read_anew(image: bpy.types.Image) -> bool:
     """Have a packed image reload from its file on next use, unless its pixels are already that
-    file's;
-    returns whether it reloads.
+    file's; returns whether it reloads.
 
     Undo restores the packed file, but not the pixels read from it before.
     """
@@ -196,8 +191,7 @@ def _compressed(image: bpy.types.Image) -> bytes:
 
 def size_of(path: Path) -> tuple[int, int]:
     """Width and height of an image file, 0 if missing or broken, read by Blender: not every
-    Blender's
-    Python has OpenImageIO.
+    Blender's Python has OpenImageIO.
     """
     with loaded(path) as image:
         return (0, 0) if image is None else tuple(image.size)

@@ -75,7 +75,7 @@ def _said(image: bpy.types.Image) -> dict[str, Any]:
 
 
 def notes_on(image: bpy.types.Image) -> list[str]:
-    """Sentences on properties of an image's file that Blender ignores."""
+    """Sentences on file properties ignored by Blender."""
     said, notes = _said(image), []
     if said.get("Orientation", 1) != 1:
         again = Message("choose it again in the Kiriko tab, or ")

@@ -46,8 +46,7 @@ class Workbench:
 
     def rectangle(self, name: str, frame: Floats, width: float, height: float) -> bpy.types.Object:
         """A plane facing along the frame's third axis, with UV from its lower left to its upper
-        right
-        corner.
+        right corner.
         """
         mesh = self.keep(bpy.data.meshes.new(data_name(name)))
         x, y = width / 2, height / 2

@@ -107,7 +107,7 @@ def rate_of(image: bpy.types.Image) -> float:
 def number_at(image: bpy.types.Image, timing: Timing | None, now: int) -> int | None:
     """The frame of a moving image at a frame of the scene; None for a still image.
 
-    timing : of the node that shows it; None without a node
+    timing : of its node; None without a node
     """
     return (timing or whole(image)).number(now) if is_moving(image) else None
 
@@ -134,8 +134,7 @@ def stamp_of(image: bpy.types.Image, number: int) -> disk.Stamp | None:
 
 def check_there(image: bpy.types.Image, number: int | None, owner: str) -> None:
     """Raise ImageError if the file of a frame is missing. Copies nothing, so panels may call it
-    while
-    drawing; `Reel.at` detects a broken file.
+    while drawing; `Reel.at` detects a broken file.
 
     number : None for a still image
     """
@@ -164,8 +163,7 @@ def _absolute(image: bpy.types.Image) -> str:
 
 class Reel:
     """Copies of images for reading frames. A movie's copy stays open between frames, which saves
-    the
-    search for each. Close a reel before undo or loading a file.
+    the search for each. Close a reel before undo or loading a file.
     """
 
     def __init__(self) -> None:
@@ -244,7 +242,7 @@ def at_frame(
 def ended(image: bpy.types.Image, timing: Timing | None, now: int) -> list[str]:
     """A note on a movie that has ended at a frame of the scene, and shows its last frame.
 
-    timing : of the node that shows it; None without a node. A timing that ends before the movie is
+    timing : of its node; None without a node. A timing that ends before the movie is
         intended, and gives no note
     """
     if image.source != "MOVIE":
@@ -292,8 +290,7 @@ def numbered_next_to(file: Path) -> list[Path]:
 
 def sequence_of(files: Collection[Path]) -> tuple[Path, Timing]:
     """The first file of a sequence, and the timing that shows it at the scene's frame 1 and each
-    next
-    one a frame later.
+    next one a frame later.
 
     Raises
     ------

@@ -74,7 +74,7 @@ def _use_overrides(scene: bpy.types.Scene, new: Iterable[bpy.types.Object]) -> N
 
 
 def _objects_of(owner: bpy.types.bpy_struct) -> Iterator[tuple[str, bpy.types.Object]]:
-    """Names and values of an owner's settings that are objects."""
+    """Names and values of an owner's object settings."""
     for setting in owner.bl_rna.properties:
         if setting.type != "POINTER" or setting.is_readonly:
             continue
@@ -99,8 +99,7 @@ def take_away(overrides: Iterable[bpy.types.Object]) -> None:
 
 def have_same_groups(things: Iterable[bpy.types.Object | bpy.types.Collection]) -> None:
     """Give overrides and their originals the same groups of settings. If only one of both has a
-    group,
-    Blender 5 neither saves nor reloads its settings.
+    group, Blender 5 neither saves nor reloads its settings.
     """
     for thing in things:
         override = thing.override_library
@@ -115,8 +114,7 @@ def have_same_groups(things: Iterable[bpy.types.Object | bpy.types.Collection]) 
 
 def _have_rules_of_settings(override: bpy.types.IDOverrideLibrary, paths: tuple[str, ...]) -> None:
     """Have an override name each setting instead of whole groups, which Blender cannot apply: it
-    does
-    so if only one side has a group.
+    does so if only one side has a group.
     """
     of_groups = {path.rpartition(".")[0] for path in paths}
     rules = [rule for rule in override.properties if rule.rna_path in of_groups]

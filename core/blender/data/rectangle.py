@@ -11,8 +11,7 @@ AFFINE = 1e-4
 
 def flat_size(mesh: Mesh) -> tuple[float, float] | None:
     """Width and height in m of the UV square on a flat rectangle; None if the UV map is bent,
-    skewed
-    or missing.
+    skewed or missing.
     """
     if mesh.uv is None or not len(mesh.triangles):
         return None
@@ -22,8 +21,7 @@ def flat_size(mesh: Mesh) -> tuple[float, float] | None:
 
 def uv_axes(points: Floats, uv: Floats) -> Floats | None:
     """Vectors (2, 3) of a whole u and a whole v, for points (n, 3) with uv (n, 2); None unless uv
-    is
-    affine.
+    is affine.
     """
     if not (len(points) and np.isfinite(points).all() and np.isfinite(uv).all()):
         return None

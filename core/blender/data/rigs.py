@@ -151,8 +151,7 @@ def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
 
 def name_for(scene: bpy.types.Scene, name: str) -> str:
     """The name of a result of the active rig, with the number of the rig's collection, or its name
-    if
-    the artist renamed it.
+    if the artist renamed it.
     """
     rig = active_rig(scene)
     if rig is None:
@@ -165,8 +164,6 @@ def name_for(scene: bpy.types.Scene, name: str) -> str:
 
 
 def name_of_view(scene: bpy.types.Scene, name: str, rig: Rig) -> str:
-    """The name of an image of what a rig's viewer sees, with the viewer's name if there are
-    several.
-    """
+    """The name of an image of a viewer's view, with the viewer's name if there are several."""
     own = name_for(scene, name)
     return own if len(rig.viewers) == 1 else f"{own} - {rig.viewers[0].name}"

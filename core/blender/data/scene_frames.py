@@ -23,7 +23,7 @@ def frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def frames_of_range(scene: bpy.types.Scene) -> tuple[int, ...]:
-    """The frames that Blender would render of a scene."""
+    """The frames of a scene's render range."""
     return tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
 
 
@@ -31,8 +31,7 @@ def frame_files(
     scene: bpy.types.Scene, folder: Path, name: str, form: str, frames: Iterable[int]
 ) -> dict[int, Path]:
     """The files of a scene's frames in a folder, named as Blender names renders: # are digits of
-    the
-    frame number, which comes last without #. From 4.5 on words in braces are templates, such as
+    the frame number, which comes last without #. From 4.5 on words in braces are templates, such as
     {fps}.
 
     form : a key of image_io.FORMATS, whose suffix the files get
@@ -81,8 +80,7 @@ def _check_plain(name: str) -> None:
 
 def _named(scene: bpy.types.Scene, stem: str, frames: Iterable[int]) -> dict[int, str]:
     """Blender's file names for a name without suffix, by frame. The scene's render settings are
-    used
-    for it, and restored.
+    used for it, and restored.
     """
     render = scene.render
     before = render.filepath, render.use_file_extension

@@ -1,6 +1,5 @@
 """Areas and 3D views of a screen, also while one is maximised: Blender moves it to a temporary
-screen
-of the same workspace and leaves an empty area in its place.
+screen of the same workspace and leaves an empty area in its place.
 """
 
 from typing import Any

@@ -1,6 +1,5 @@
 """Translation context of Kiriko's labels and names: Blender's own translations read "Display", a
-part
-of the rig, as a verb.
+part of the rig, as a verb.
 """
 
 import bpy

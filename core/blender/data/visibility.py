@@ -26,8 +26,7 @@ class VisibleObjects:
 
     def hidden_by(self, thing: bpy.types.Object) -> str:
         """Words after 'is hidden' for the setting that hides an object; '' if it is visible, or
-        only
-        the source of instances.
+        only the source of instances.
 
         Scenes may have thousands of objects: a visible one, the common case, needs one look-up
         only.
@@ -49,8 +48,7 @@ class VisibleObjects:
 
     def _is_rendered(self, thing: bpy.types.Object) -> bool:
         """Whether a rendered collection holds an object. Only if another object has the same name,
-        as
-        linked ones may, Blender looks at all objects of all collections.
+        as linked ones may, Blender looks at all objects of all collections.
         """
         if any(group.objects.get(thing.name) == thing for group in self._rendered):
             return True

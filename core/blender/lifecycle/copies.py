@@ -59,8 +59,7 @@ def meant_copies(
 
 def part_copies(rig: bpy.types.Collection, things: Things) -> str:
     """Move copies of a rig's parts to a collection next to the rig's, wherever it is linked, and
-    make
-    it a rig around their glass, or the original glass if none was copied. Returns its name.
+    make it a rig around their glass, or the original glass if none was copied. Returns its name.
     """
     twins, new = _twins(rig, things), _empty_copy(rig)
     for group in chain(bpy.data.collections, (one.collection for one in bpy.data.scenes)):

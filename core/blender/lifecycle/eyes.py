@@ -1,6 +1,5 @@
 """Makes cameras for more viewers of the active rig: two eyes, or a grid of heads. They move with
-the
-viewer they surround.
+the viewer they surround.
 """
 
 from collections.abc import Iterator
@@ -25,7 +24,7 @@ EYE_MARK = "kiriko_eye"  # on cameras made here, which later ones may replace
 
 
 class EyePlace(NamedTuple):
-    """A camera to make: its place in the world, its name, and its lens shift."""
+    """A camera to make: its name, world matrix, focal length in mm, and lens shift."""
 
     name: str
     matrix: Matrix
@@ -55,9 +54,7 @@ def two_eyes(viewer: bpy.types.Object) -> Iterator[EyePlace]:
 
 
 def keep_eyes_apart(scene: bpy.types.Scene, before: float, after: float) -> None:
-    """Keep the distance between the eyes of a rig's own viewer while the scene's unit, m,
-    changes.
-    """
+    """Keep a rig's own viewer's eyes at their distance when the scene's unit, m, changes."""
     viewer = scene.kiriko.viewer
     if viewer is not None and viewer.type == "CAMERA" and viewer.data.is_editable:
         stereo = viewer.data.stereo
@@ -151,8 +148,7 @@ def _is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
 
 def _is_used(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     """Whether the artist uses a camera made here: as a copy, or as the camera of a scene, marker,
-    view
-    or other rig.
+    view or other rig.
     """
     if _is_copy(scene, thing) or len(thing.users_scene) > 1:
         return True

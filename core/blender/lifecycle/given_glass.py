@@ -45,8 +45,7 @@ def give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
 
 def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
     """Set a material on all faces of an object by a last modifier, since geometry nodes may
-    override
-    its slots.
+    override its slots.
     """
     tree = bpy.data.node_groups.new(glass.name, "GeometryNodeTree")
     tree[GIVEN_MARK] = True

@@ -65,8 +65,7 @@ def add(scene: bpy.types.Scene, cameras: list[bpy.types.Object]) -> None:
 
 def take_out(scene: bpy.types.Scene, cameras: Container[bpy.types.Object | None]) -> None:
     """Remove the entries of cameras from the list, except the first, which is on again: they may
-    have
-    replaced it.
+    have replaced it.
     """
     if not len(scene.kiriko.viewers):
         return

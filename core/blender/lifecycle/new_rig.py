@@ -1,6 +1,5 @@
 """A new rig in Blender: reads the bench, chooses the glass for the viewer, and makes the objects,
-all
-or none.
+all or none.
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,8 +37,7 @@ def bounds_of(parts: Sequence[WorldPart | Glass]) -> Floats:
 
 def looked_through(parts: list[WorldPart], active: bpy.types.Object | None) -> list[WorldPart]:
     """The glass for the viewer: the active object's, else the glass nearest to the common centre,
-    as
-    after a box selection.
+    as after a box selection.
     """
     owners = {part.owner for part in parts}
     if active not in owners:
@@ -75,7 +73,7 @@ class RigSite:
 
 
 def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
-    """The selected objects that can be glass, without Boolean tools.
+    """The selected objects fit as glass, without Boolean tools.
 
     Raises RigError if objects are selected and none can be glass.
     """
@@ -187,7 +185,7 @@ def _as_glass(things: tuple[bpy.types.Object, ...]) -> Iterator[None]:
 def _check_bodies(
     things: tuple[bpy.types.Object, ...], parts: list[WorldPart], shown: VisibleObjects
 ) -> None:
-    """Raise RigError for objects that cannot be glass. The parts are those with faces."""
+    """Raise RigError for objects unfit as glass. The parts are those with faces."""
     met = {part.owner for part in parts}
     for thing in things:
         if by := shown.hidden_by(thing):

@@ -16,12 +16,7 @@ from ..result.result_images import images_of
 from ..view.viewport_look import be_opaque, draw_as_solid
 from .given_glass import take_back
 
-DATA = (
-    "meshes",
-    "cameras",
-    "materials",
-    "images",
-)  # kinds of data made by Add Rig, besides objects
+DATA = ("meshes", "cameras", "materials", "images")  # made by Add Rig, as are objects
 
 
 def remove_rig(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[str]:
@@ -71,8 +66,7 @@ def made_objects(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.
 
 def _made_data(rig: bpy.types.Collection, objects: list[bpy.types.Object]) -> list[bpy.types.ID]:
     """Meshes, cameras, materials and images made for a rig and its results, used by its objects or
-    by
-    nothing.
+    by nothing.
     """
     materials = [slot.material for thing in objects for slot in thing.material_slots]
     materials = [material for material in materials if material is not None]

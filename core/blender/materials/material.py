@@ -70,8 +70,7 @@ def twin(
     sockets: bpy.types.bpy_prop_collection, socket: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket | None:
     """The socket with the same identifier, which links a group node with the group's input and
-    output
-    nodes.
+    output nodes.
     """
     return next((other for other in sockets if other.identifier == socket.identifier), None)
 
@@ -80,8 +79,7 @@ def step_back(
     output: bpy.types.NodeSocket, groups: Groups
 ) -> tuple[bpy.types.NodeSocket | None, Groups]:
     """The input passed on by an output (reroute, muted node, in and out of a group); None for a
-    real
-    node.
+    real node.
     """
     node = output.node
     if node.mute:
@@ -128,7 +126,7 @@ def number(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[float, bool]:
 def shaders(
     socket: bpy.types.NodeSocket, groups: Groups
 ) -> Iterator[tuple[bpy.types.Node, Groups]]:
-    """The shaders that feed a shader input, through Mix and Add, each with its groups."""
+    """The shaders behind a shader input, through Mix and Add, each with its groups."""
     end, groups = feeding(socket, groups)
     if not end.is_output:
         return
@@ -186,7 +184,7 @@ def is_at(node: bpy.types.Node, name: str, value: float, groups: Groups) -> bool
 
 
 def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
-    """The settings of a node that Kiriko ignores."""
+    """A node's settings ignored by Kiriko."""
     for name, neutral in NEUTRAL.items():
         idle = IDLE.get(name, {})
         is_idle = idle and all(is_at(node, *other, groups) for other in idle.items())

@@ -241,8 +241,7 @@ class _PlateNodes:
 
     def crossed(self) -> tuple[Value, Value, Value, Value, Value]:
         """The path through both layers: shift, direction along the plate, number of reflections,
-        and
-        whether those of layers 1 and 2 are odd.
+        and whether those of layers 1 and 2 are odd.
         """
         first, second = self.layers()
         if self.layout != "crossed":  # two directions in one layer are independent

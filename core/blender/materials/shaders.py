@@ -17,7 +17,7 @@ def cleared(material: bpy.types.Material) -> tuple[Any, Any]:
 
 
 def _black(tree: Any) -> Any:
-    """A shader that neither emits nor reflects."""
+    """A shader without emission or reflection."""
     node = tree.nodes.new("ShaderNodeEmission")
     node.inputs["Strength"].default_value = 0.0
     return node
@@ -39,8 +39,7 @@ def show_image(
     material: bpy.types.Material, image: bpy.types.Image, black_level: float = 0.0
 ) -> None:
     """Make a material emit the texels of an image like the pixels of a screen: square, sharp, on
-    the
-    front only.
+    the front only.
 
     black_level : light of a black texel relative to white
     """
@@ -117,8 +116,7 @@ def show_coordinates(material: bpy.types.Material) -> None:
 
 def be_plate(material: bpy.types.Material) -> None:
     """Ideal plane-symmetric plate: light leaves along o = -i + 2 (i.n) n (Kiuchi & Koizumi 2021,
-    eq.
-    3).
+    eq. 3).
 
     Cycles' Incoming is -i, so the law is its reflection about the normal.
     """
@@ -171,7 +169,7 @@ def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
 
 
 def _unparted(tree: Any, ior: float) -> Any:
-    """A shader that refracts all light, or reflects all of it."""
+    """A shader for total refraction or total reflection."""
     mix = tree.nodes.new("ShaderNodeMixShader")
     refracted = _clear(tree, "ShaderNodeBsdfRefraction", ior)
     mirrored = _clear(tree, "ShaderNodeBsdfAnisotropic")

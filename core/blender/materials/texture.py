@@ -13,8 +13,7 @@ from .material import Groups, feeding, material_output
 @dataclass(frozen=True)
 class Texture:
     """The image on a surface, its UV map ('' for the one used in renders), notes, and its timing if
-    it
-    moves.
+    it moves.
     """
 
     image: bpy.types.Image
@@ -64,7 +63,7 @@ def find_texture(
 
 
 def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool) -> Texture:
-    """The texture of an Image Texture node, with notes on changes that Kiriko ignores."""
+    """The texture of an Image Texture node, with notes on ignored changes."""
     notes = []
     uv_map = ""
 

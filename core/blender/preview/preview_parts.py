@@ -1,6 +1,5 @@
 """The parts of a preview's scene: copies in materials that obey Kiriko's laws, curved glass as a
-fine
-mesh.
+fine mesh.
 """
 
 from collections import Counter
@@ -233,8 +232,7 @@ def _copy(shown: bpy.types.Object, surface: str, material: bpy.types.Material) -
 
 def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...] | None]:
     """A matrix an object can have, with the same x axis, and the transform to apply to its mesh
-    first,
-    if any.
+    first, if any.
 
     Objects have a location, a rotation and a scale; parents with uneven scale add shear.
     """

@@ -167,7 +167,7 @@ def _wanted(
 
 
 def _compositing(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
-    """The node tree of a scene's render."""
+    """The compositor's node tree of a scene."""
     name = "compositing_node_group" if bpy.app.version >= (5, 0) else "node_tree"
     return getattr(scene, name)
 

@@ -30,10 +30,7 @@ from .shapes import ShapeCache
 
 # cosine between a plate's normal and its x axis; above it the y axis is used
 UPRIGHT = 0.99
-OVERRIDE, DEFAULT = (
-    Message("override"),
-    Message("default"),
-)  # sources of an index other than shaders
+OVERRIDE, DEFAULT = Message("override"), Message("default")  # sources of an index, like shaders
 PICTURE = next(role for role in ROLES if role.name == "PICTURE")
 DEFAULT_IOR = GLASSES["Acrylic"].ior  # for glass without a refractive material
 
@@ -161,8 +158,7 @@ def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:
 
 def read_plate(part: WorldPart) -> Plate:
     """A plate with its mirrors, relative to the object's origin and x axis, or y if x is normal to
-    the
-    plate.
+    the plate.
     """
     if part.owner.kiriko.plate.model == "IDEAL" or part.matrix is None:
         return Plate(part.name, part.mesh)

@@ -56,8 +56,7 @@ def laid_out(
     context: bpy.types.Context, thing: bpy.types.Object, uv_map: str = ""
 ) -> tuple[Floats, Floats]:
     """Vertices (n, 3) of a rectangle as shown, and the vectors (2, 3) of a whole u and v, in its
-    own
-    coordinates.
+    own coordinates.
     """
     if thing.type == "EMPTY":
         raise RigError("it is an instance")

@@ -105,8 +105,7 @@ class _Solids:
 
 def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
     """The surface of each glass object for a renderer, and a sentence for each reason why a preview
-    is
-    not comparable.
+    is not comparable.
     """
     solids = _Solids(glasses)
     ratios: list[set[float | None]] = [set() for _ in glasses]

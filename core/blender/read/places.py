@@ -29,8 +29,7 @@ class PlaceCache(ShapeCache):
 
 def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: PlaceCache) -> Rig:
     """The existing parts of a scene's rig at this frame, with a calibration's offset; of the
-    picture
-    only its place.
+    picture only its place.
 
     Raises RigError for an object with a role that cannot be a part.
     """

@@ -105,8 +105,7 @@ def _own_node(
     thing: bpy.types.Object, material: bpy.types.Material, is_empty: bool
 ) -> bpy.types.Node:
     """The image texture node of an object's material, after copying the material and node groups
-    with
-    other users.
+    with other users.
     """
     own = {thing, thing.data} if thing.data.users == 1 else {thing}
     if not material.is_editable or bpy.data.user_map(subset=[material])[material] - own:
@@ -179,8 +178,7 @@ def squeezed_words(factor: float) -> str:
 
 def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
     """Scale a picture's plane to the proportions of its image, with the same area; returns the
-    earlier
-    `squeeze`.
+    earlier `squeeze`.
 
     Raises
     ------

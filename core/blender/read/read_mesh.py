@@ -41,8 +41,7 @@ def column(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:
 
 def cofactors(matrix: Floats) -> Floats:
     """Cofactor matrix (3, 3): det(M) times the inverse transpose of M; it also exists for a
-    singular
-    M.
+    singular M.
     """
     a, b, c = matrix
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
@@ -50,8 +49,7 @@ def cofactors(matrix: Floats) -> Floats:
 
 def world_normals(normals: Floats, linear: Floats) -> Floats:
     """Unit normals (n, 3) in the world from local ones, by the inverse transpose, which keeps
-    outward
-    normals outward.
+    outward normals outward.
     """
     turned = turn(cofactors(linear) * (-1.0 if np.linalg.det(linear) < 0 else 1.0), normals)
     length = np.sqrt(np.einsum("ij,ij->i", turned, turned))
@@ -83,8 +81,7 @@ def uv_layer(mesh: bpy.types.Mesh, name: str) -> Any | None:
 
 def has_means(mesh: bpy.types.Mesh) -> bool:
     """Whether a Blender mesh's corner normals are means over the faces around each vertex, not
-    custom
-    ones.
+    custom ones.
 
     Blender stores custom normals equal to its own means to 1e-4 as zeros. Up to 4.5 a subdivision
     modifier without custom normals passes others on as zeros, too.
@@ -108,8 +105,7 @@ def has_means(mesh: bpy.types.Mesh) -> bool:
 
 def sharpen_creases(mesh: bpy.types.Mesh, drawn: bpy.types.Object) -> None:
     """Mark fully creased edges as sharp in the evaluated mesh of an object with a subdivision
-    modifier
-    that uses creases.
+    modifier that uses creases.
 
     The limit surface has a sharp edge there, while Blender's mean normals cross it. Custom normals
     stay.
@@ -197,7 +193,7 @@ def read_local(
     layer = uv_layer(mesh, uv_map) if has_uv else None
     if layer is not None:
         uv = column(layer.uv, "vector", 2, np.float32).astype(float)[loops]
-    with np.errstate(invalid="ignore"):  # vertices that are no numbers are for Mesh.check to name
+    with np.errstate(invalid="ignore"):  # Mesh.check reports non-finite vertices
         vertices = column(mesh.vertices, "co", 3, np.float32).astype(float)
 
     triangles = column(found, "vertices", 3, np.int32).astype(np.int64)

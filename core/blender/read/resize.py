@@ -15,9 +15,7 @@ from .read_mesh import column, mesh_of
 # of its size: an object no thicker along one of its axes is perpendicular to the axis
 FLAT_AXIS = 1e-5
 RESIZED_WITHIN = 1e-4  # of a side: allowed deviation from the wanted size and place
-FLOAT32_SUM_ERROR = (
-    2.0**-22
-)  # of its place: error of a sum of two or three numbers in single precision
+FLOAT32_SUM_ERROR = 2.0**-22  # relative error of a sum of two or three float32 numbers
 SQUARE = 1e-3  # allowed difference of a square's sides, as a fraction
 
 

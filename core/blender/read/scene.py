@@ -102,9 +102,7 @@ def _read(
 
 
 def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    """Whether modifiers make another shape in renders than in the viewport; the viewport's is
-    read.
-    """
+    """Whether modifiers make another shape in renders than in the viewport, which is read."""
     return any(
         m.show_viewport != m.show_render
         or (m.show_viewport and m.type in {"SUBSURF", "MULTIRES"} and m.levels != m.render_levels)
@@ -243,8 +241,7 @@ def read_drawn(
     kept: ShapeCache | None = None,
 ) -> Reading:
     """The rig without a calibration's offset. The viewers keep their order, since an offset's
-    amounts
-    are along the axes of the first one.
+    amounts are along the axes of the first one.
     """
     depsgraph = (
         source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
@@ -372,8 +369,7 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
 
 def object_matrix(linear: Floats, shift: Floats, metres: float) -> Floats:
     """Matrix (4, 4) for objects, in units of so many metres: maps points p, in m, to linear (3, 3)
-    @ p
-    + shift (3,).
+    @ p + shift (3,).
     """
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = linear, shift / metres

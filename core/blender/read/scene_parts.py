@@ -48,8 +48,7 @@ class WorldPart:
 
 def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object | None:
     """The original object with an instance's role: its own, else its collection's instancer or
-    nodes'
-    object.
+    nodes' object.
     """
     own = instance.object.original
     if own.kiriko.role != "NONE":

@@ -83,8 +83,7 @@ def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
 
 def four_channels(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     """RGBA (h, w, 4) of pixels with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 channels; with 4 the
-    same
-    array.
+    same array.
     """
     height, width, channels = pixels.shape
     if channels == 4:

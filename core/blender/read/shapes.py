@@ -100,9 +100,7 @@ class ShapeCache:
         return bool(self._pixels) and self._pixels.keys() <= self._compared
 
     def notice(self, depsgraph: bpy.types.Depsgraph, ours: Container[int] = ()) -> None:
-        """Process a depsgraph's updates, except pixels of datablocks with the session uids
-        `ours`.
-        """
+        """Process a depsgraph's updates, except pixels of datablocks with session uids `ours`."""
         anew = {thing.session_uid for thing in reshaped(depsgraph)}
         if anew:
             self._shapes = {key: one for key, one in self._shapes.items() if key[0] not in anew}
@@ -116,8 +114,7 @@ class ShapeCache:
 
     def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Shape:
         """The shape of an iterator's current object. Instances are read each time: several share
-        one
-        uid.
+        one uid.
         """
         if instance.is_instance or owner.kiriko.role in MAPPED:
             return read_shape(instance.object, owner)

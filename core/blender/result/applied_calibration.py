@@ -31,8 +31,7 @@ def put_into_scene(
     scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]
 ) -> Iterator[None]:
     """Make the scene show the rig of a reading including its offset, and clear the offset. Undone
-    if
-    the enclosed code fails.
+    if the enclosed code fails.
 
     Parameters
     ----------

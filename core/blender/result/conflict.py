@@ -35,9 +35,7 @@ class Conflict(NamedTuple):
 
 
 def colours(conflict: Conflict) -> NDArray[np.float32]:
-    """Pixels (H, W, 3), linear: dark for 0, bright for the largest; black if no viewer sees
-    them.
-    """
+    """Pixels (H, W, 3), linear: dark for 0, bright for the largest, black if unseen."""
     end = max(conflict.largest, LEAST[conflict.unit])
     shown = linear_from_srgb(viridis(conflict.of_pixel.ravel() / end))
     shown = shown.reshape(*conflict.of_pixel.shape, 3)

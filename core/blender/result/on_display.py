@@ -80,15 +80,13 @@ def put_on_display(
 
     # the new material replaces Kiriko's earlier one
     own = {display, display.data} if display.data.users == 1 else {display}
-    if (
-        old is not None and bpy.data.user_map(subset=[old])[old] <= own
-    ):  # otherwise other objects show it, too
+    if old is not None and bpy.data.user_map(subset=[old])[old] <= own:  # no other object's
         name = old.name
         before = [node.image for node in old.node_tree.nodes if node.type == "TEX_IMAGE"]
         old.user_remap(ours)
         bpy.data.materials.remove(old)
         ours.name = name
-        # of a result without an image, such as that of a duplicated rig
+        # left from a removed result, such as that of the rig this display was copied from
         gone = [one for one in before if one and PACKED_MARK in one and not one.users]
         bpy.data.batch_remove(gone)
 

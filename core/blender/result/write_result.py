@@ -24,8 +24,7 @@ SOURCE = "Kiriko Source"
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
     """A packed float image with these pixels (linear, row 0 at the top) that replaces an old one
-    under
-    its name, unless another result has it, too.
+    under its name, unless another result has it, too.
     """
     return _take_place(_packed(name, pixels), old, name)
 
@@ -201,8 +200,7 @@ def _take_numbers(scene: bpy.types.Scene, reading: Reading, is_coarse: bool) -> 
 
 def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Image) -> list[str]:
     """Replace the scene's source image, also on the display, by a new one; remove the new one if
-    this
-    fails.
+    this fails.
     """
     old, name = scene.kiriko.result.source, name_for(scene, SOURCE)
     display = bpy.data.objects.get(reading.display_object)
