@@ -1,1 +1,1 @@
-"""What uses the solver: measurements, maps, jobs, drawings, and calibration by photographs."""
+"""Tools on top of the solver: measurements, maps, jobs, drawings, calibration by photographs."""

@@ -1,1 +1,1 @@
-"""Error against time, and the references for it."""
+"""Error against run time, and the references for it."""

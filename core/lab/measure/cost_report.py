@@ -1,5 +1,5 @@
-"""A work-precision measurement as text: a table, CSV, JSON and a
-diagram. Units stand in the names of the columns.
+"""A work-precision measurement as text: table, CSV, JSON and a diagram; column names carry
+units.
 """
 
 import csv
@@ -19,8 +19,8 @@ from .reference import PERCENTILE, ImageErrors, MapErrors, SeenErrors
 from .work_precision import Rung, WorkPrecision
 
 NAMES = ("report.csv", "report.json", "report.svg")
-PLATE_NAMES = ("plate.csv", "plate.svg")  # beside them where a plate has mirrors
-ANGLES = range(0, 86)  # degrees, of incidence on it
+PLATE_NAMES = ("plate.csv", "plate.svg")  # additional columns for a plate with mirrors
+ANGLES = range(0, 86)  # angle of incidence on the plate, degrees
 UNITS_OF_SETTING = {"adaptive": "px", "splat": "spp"}
 COLUMNS = {  # of CSV and JSON, by field of Rung, MapErrors, ImageErrors, SeenErrors
     "method": "method",
@@ -46,9 +46,7 @@ COLUMNS = {  # of CSV and JSON, by field of Rung, MapErrors, ImageErrors, SeenEr
 
 
 def row(rung: Rung) -> dict[str, Any]:
-    """The numbers of a rung by name of column, those of the first
-    viewer; None where they are not known.
-    """
+    """Numbers of a rung by column name, for the first viewer; None if unknown."""
     first_map = rung.maps[0] if rung.maps else None
     first_seen = rung.image.channels[0] if rung.image else None
     values = {field.name: getattr(rung, field.name) for field in fields(Rung)}
@@ -71,7 +69,7 @@ def _known(value: Any) -> Any:
 
 
 def as_csv(found: WorkPrecision) -> str:
-    """A line for each rung, the reference first; empty where a number is not known."""
+    """A line for each rung, the reference first; empty cells for unknown numbers."""
     rows = [row(found.reference) | {"method": "reference"}, *(row(rung) for rung in found.rungs)]
     names = list(dict.fromkeys(name for one in rows for name in one))
     text = io.StringIO()
@@ -86,7 +84,7 @@ def as_json(
 ) -> str:
     """All numbers, and the references of the errors.
 
-    beside : what else is told of the rig, by name
+    beside : additional facts about the rig, by name
     """
     own = found.own
     tolerance = found.tolerance
@@ -126,7 +124,7 @@ def as_json(
 
 
 def statement(found: WorkPrecision) -> tuple[str, ...]:
-    """The subjects and references of the numbers, a sentence a line."""
+    """Subjects and references of the numbers, one sentence a line."""
     finer = found.ladder[-1][0] / found.reference.setting
     view_width, view_height = found.view_sizes[0]
     shown = f"{found.n_shown} display pixels that show nothing else"
@@ -162,7 +160,7 @@ TABLE = (  # heading, column, format
 
 
 def table(found: WorkPrecision) -> str:
-    """The rungs as lines for a terminal, then times by part and the other errors."""
+    """Lines for a terminal: the rungs, then times by stage and the other errors."""
     lines = [
         *statement(found),
         "",
@@ -221,7 +219,7 @@ def table(found: WorkPrecision) -> str:
 
 
 def as_svg(found: WorkPrecision, title: str = "Kiriko: error against run time") -> str:
-    """Error of the source image against seconds, a curve for each method.
+    """Error of the source image against seconds, one curve for each method.
 
     Points without an error are left out.
     """
@@ -253,8 +251,8 @@ def as_svg(found: WorkPrecision, title: str = "Kiriko: error against run time") 
 
 
 def plate_csv(array: MirrorArray) -> str:
-    """Share of light by its angle to the plate's normal, in the
-    plane between the mirrors, a column for each path.
+    """Fraction of light by its angle to the plate's normal, between the mirrors, a column for each
+    path.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -267,7 +265,7 @@ def plate_csv(array: MirrorArray) -> str:
 
 
 def plate_svg(array: MirrorArray, name: str) -> str:
-    """The same as a diagram, stray light of both layers as one."""
+    """The same as a diagram, with the stray light of both layers joined."""
     light = light_by_angle(array, np.radians(ANGLES))
     shares = {
         "mid-air image": light[PlatePath.IMAGED],

@@ -1,11 +1,10 @@
-"""Is a picture better solved for all viewers of a box, or for the middle of the box alone?
+"""Comparison of solving for all viewers of a box with solving for its middle alone.
 
-Solved for its middle the picture is right there, and off at the ends. Solved for all viewers it is
-off in the middle, too; the ends may gain. Heads over the box tell, each looking at the picture's
-middle: on a grid, for the mean and the largest angle, and along each axis through the middle, as
-curves.
+Solved for the middle, the picture is right there and off at the ends. Solved for all viewers it is
+off in the middle too, but the ends may gain. Heads in the box, each looking at the picture's
+centre, measure both: on a grid, for the mean and the largest angle, and along each axis, as curves.
 
-The display shows the weighted mean of the places that its viewers ask for, as *Sharp* has it.
+The display shows the weighted mean of the places its viewers need, as with *Sharp*.
 """
 
 from collections.abc import Generator, Sequence
@@ -29,22 +28,22 @@ from .places_seen import Observer, grid_on, places_of_shown, places_shown
 from .viewer_errors import arcmin_between
 
 FILE = "head_box.svg"
-N_POINTS = 7  # each way, of the picture
-N_ALONG = 7  # heads along an axis, of which one is in the middle
+N_POINTS = 7  # points of the picture, each way
+N_ALONG = 7  # heads along an axis, one of them in the middle
 N_OVER = {1: 7, 2: 5, 3: 3}  # heads along each axis of the grid, by the number of axes
-IS_SPREAD = 1e-4  # of the picture's distance: a spread that a camera's float32 place may have alone
+IS_SPREAD = 1e-4  # of the picture's distance: a smaller spread may be a camera's float32 rounding
 ENDS = (("left", "right"), ("bottom", "top"), ("far end", "near end"))  # of AXES, low and high
-HEADROOM = 1.4  # over the curves, which are high at both ends, for their names
+HEADROOM = 1.4  # space for legends above the curves, which are high at both ends
 
 
 @dataclass(frozen=True)
 class AxisCurve:
-    """The picture as seen along an axis of the box, through its middle.
+    """The picture as seen from heads along an axis of the box, through its middle.
 
     axis : right, up or forward
-    distance_m : of heads, from the end that is farthest left, lowest or farthest from the picture
-    mean_arcmin, largest_arcmin : by which points are off; None where none is seen
-    coverage : share of the points that is seen, 0..1
+    distance_m : of heads, from the leftmost, lowest or farthest end
+    mean_arcmin, largest_arcmin : error of points; None if none is seen
+    coverage : fraction of the points that is seen, 0..1
     """
 
     axis: str
@@ -56,10 +55,10 @@ class AxisCurve:
 
 @dataclass(frozen=True)
 class Served:
-    """How well a solved display serves the heads of a box.
+    """Quality of a solved display for the heads of a box.
 
-    mean_arcmin, largest_arcmin : over a grid of heads; None where they see no point
-    coverage : share of the points that is seen, over the same, 0..1
+    mean_arcmin, largest_arcmin : over a grid of heads; None if they see no point
+    coverage : fraction of the points that is seen, over the grid, 0..1
     middle_mean_arcmin, middle_largest_arcmin : from the middle of the box
     curves : one for each axis
     """
@@ -74,11 +73,11 @@ class Served:
 
 @dataclass(frozen=True)
 class BoxServed:
-    """A box of heads before a display that is solved for all viewers, and for its middle alone.
+    """A box of heads before a display solved for all viewers, and for its middle alone.
 
-    size_m : right, up and forward; 0 where the viewers do not spread
-    n_viewers : that span the box
-    n_heads : of the grid over it
+    size_m : right, up and forward; 0 along axes without spread
+    n_viewers : viewers that span the box
+    n_heads : heads of the grid
     """
 
     size_m: Offset
@@ -89,15 +88,15 @@ class BoxServed:
 
     @property
     def worse_at_middle_arcmin(self) -> float | None:
-        """By how much more the middle sees points off on the mean, solved for all; None where it
-        sees none.
+        """Increase of the middle's mean error if solved for all, arcmin; None if it sees no
+        point.
         """
         both = self.for_all.middle_mean_arcmin, self.for_middle.middle_mean_arcmin
         return None if None in both else both[0] - both[1]
 
 
 def check_box(rig: Rig) -> None:
-    """Raise RigError where a rig's viewers span no box of heads before a flat picture."""
+    """Raise RigError unless a rig's viewers span a box of heads before a flat picture."""
     for viewer in rig.viewers:
         check_viewer(viewer, rig.picture_place)
     plane_of(rig)
@@ -105,12 +104,11 @@ def check_box(rig: Rig) -> None:
 
 
 def head_box(plan: Plan) -> Generator[float, None, BoxServed]:
-    """Look from heads over the box that a rig's viewers span; yields progress 0..1.
+    """Look from heads in the box that a rig's viewers span; yields progress 0..1.
 
     Raises
     ------
-    RigError : the viewers span no box, have no heads, or the picture is no flat rectangle; one
-        sentence
+    RigError : the viewers span no box, have no heads, or the picture is not a flat rectangle
     """
     rig = plan.rig
     check_box(rig)
@@ -143,17 +141,16 @@ def head_box(plan: Plan) -> Generator[float, None, BoxServed]:
 
 
 def off_by(plan: Plan, heads: Sequence[Viewer], uv: Floats, shown: Floats) -> Steps[Floats]:
-    """The angles (k, n), arcmin, by which heads see places uv (n, 2) of the picture off; NaN where
-    one sees none.
+    """Errors (k, n), arcmin, of places uv (n, 2) of the picture as heads see them; NaN if unseen.
 
-    shown : (n, 2) display px, where they are shown
+    shown : (n, 2) display px of these places
     """
     seen = yield from places_of_shown(plan, heads, uv, shown)
     return angles_of(plan.rig.picture_place, heads, uv, seen)
 
 
 def angles_of(place: PicturePlace, heads: Sequence[Viewer], uv: Floats, seen: Floats) -> Floats:
-    """The same of heads that see places uv (n, 2) of a picture at (k, n, 2) px of their images."""
+    """Errors of heads that see places uv (n, 2) of a picture at (k, n, 2) px of their images."""
     found = np.empty(seen.shape[:2])
     for k, head in enumerate(heads):
         found[k] = arcmin_between(head, seen[k], view_of_picture(place, head, uv))
@@ -161,9 +158,7 @@ def angles_of(place: PicturePlace, heads: Sequence[Viewer], uv: Floats, seen: Fl
 
 
 def _spanned(rig: Rig) -> tuple[Viewer, HeadBox]:
-    """A viewer in the mean of all places, and the box that all span as it measures places: along
-    the mean of their axes.
-    """
+    """A viewer at the mean of all places, and the box of all places along the mean axes."""
     positions = np.array([viewer.position for viewer in rig.viewers])
     left, _, right = np.linalg.svd(sum(viewer.axes for viewer in rig.viewers))
     mean = positions.mean(axis=0)
@@ -182,8 +177,8 @@ def _spanned(rig: Rig) -> tuple[Viewer, HeadBox]:
 
 
 def _served(off: Floats, n_grid: int, axes: Sequence[int], size: Floats) -> Served:
-    """Numbers of angles (h, n), arcmin, by which heads see points off: those of the grid, then
-    those along each axis; NaN where not seen.
+    """Figures of the errors (h, n), arcmin, of heads on the grid, then along each axis; NaN if
+    unseen.
     """
     curves = []
     for k, axis in enumerate(axes):
@@ -196,7 +191,7 @@ def _served(off: Floats, n_grid: int, axes: Sequence[int], size: Floats) -> Serv
 
 
 def _numbers(off: Floats) -> tuple[float | None, float | None, float]:
-    """Mean and largest of angles, and the share that is there."""
+    """Mean and largest error, and the fraction of points that is seen."""
     there = off[np.isfinite(off)]
     if not len(there):
         return None, None, 0.0
@@ -204,12 +199,12 @@ def _numbers(off: Floats) -> tuple[float | None, float | None, float]:
 
 
 def as_data(found: BoxServed) -> dict[str, Any]:
-    """What was found, as it stands in a report: m, arcmin, shares."""
+    """Record for a report: m, arcmin, fractions."""
     return {**asdict(found), "worse_at_middle_arcmin": found.worse_at_middle_arcmin}
 
 
 def as_svg(found: BoxServed) -> str:
-    """A diagram for each axis of the box: angles for both ways to solve it."""
+    """A diagram for each axis of the box: errors of both ways to solve."""
     ways = (("for all", found.for_all), ("for the middle", found.for_middle))
     notes = [
         f"solved {name}: {_or_none(served.mean_arcmin)} arcmin on the mean over the box,"

@@ -1,10 +1,9 @@
-"""How far a head may move from where the picture was solved for; as a surface and as curves.
+"""Eye box: how far a head may move from the place the picture was solved for; surface and curves.
 
-A head that moves looks at the picture's middle. It sees a point of the picture where the display
-shows it for the solved viewers, through the glass, off by an angle from where it would see it
-straight. To first order that angle grows with the way of the head: the derivative, by a small
-first step, predicts about how far it may go. The limit is then found by tracing at places of the
-head, nearer and nearer to where it is passed.
+A moving head looks at the picture's centre. It sees a point of the picture where the display shows
+it for the solved viewers, at an angle from its true place. To first order this angle is
+proportional to the head's motion: a small first step gives its derivative and a guess of the limit.
+Tracing from places ever closer to the limit then finds it.
 """
 
 from collections.abc import Generator, Sequence
@@ -35,30 +34,30 @@ from .viewer_errors import arcmin_between
 
 LIMIT = 5.0  # arcmin
 LEAST = 0.98  # of the points
-N_POINTS = 11  # each way, of the picture
-# of a side, how far within the picture the outermost lie: glass is worst at the edges, and right on
-# them half of a display pixel is none of the picture's
+N_POINTS = 11  # points of the picture, each way
+# Inset of the outermost points, relative to a side: glass is worst at the edges, but on the very
+# edge half of a display pixel is outside the picture.
 EDGE = 0.002
 
-# the ways, by the axis of the viewer, its sign, and how far at the most, of the picture's distance
+# directions by axis of the viewer and sign, with their limits relative to the picture's distance
 WAYS = ((0, -1, 2.0), (0, 1, 2.0), (1, 1, 2.0), (1, -1, 2.0), (2, 1, 0.95), (2, -1, 8.0))
 FIRST_STEP = 1e-3  # of the picture's distance
-OVER = 1.25  # times the guess: there the limit should be passed
-N_BETWEEN = 8  # places on the way at which nothing may be passed before
-SETTLED = 2e-3  # of the way
-ABOUT_ROUNDS = 10  # of all ways side by side
+OVER = 1.25  # times the guess, where the limit should be exceeded
+N_BETWEEN = 8  # places in between that must not exceed the limit
+SETTLED = 2e-3  # of the motion
+ABOUT_ROUNDS = 10  # of all directions together
 
 
 @dataclass(frozen=True)
 class EyeBox:
-    """How far the head may go, m, along the axes of the solved viewer.
+    """Range of a head, m, along the axes of the solved viewer.
 
-    left, right, up, down, nearer, farther : to where the picture is off by the limit, or less of it
-        is seen; 0 where it is from the beginning
-    limit : arcmin, by which a point may be off
-    least : share of the points, by the part of the picture that each stands for, that have to be
-        seen, of those that are seen from the viewer's place
-    is_open : in the same order, where the head was not followed any further
+    left, right, up, down, nearer, farther : distance at which the error exceeds the limit or too
+        little is seen; 0 if this is so at the start
+    limit : largest error of a point, arcmin
+    least : fraction of the points seen from the start that has to be seen, weighted by their parts
+        of the picture
+    is_open : in the same order, whether the head was followed no further
     """
 
     left: float
@@ -73,7 +72,7 @@ class EyeBox:
 
     @property
     def ends(self) -> tuple[float, ...]:
-        """How far it may go each way, m, in the order of `WAYS`."""
+        """Range in each direction, m, in the order of `WAYS`."""
         return self.left, self.right, self.up, self.down, self.nearer, self.farther
 
 
@@ -84,13 +83,12 @@ def eye_box(
     least: float = LEAST,
     kept: MeshCache | None = None,
 ) -> Generator[float, None, EyeBox]:
-    """Find how far the head of a rig's first viewer may go, before a display that is solved for all
-    of the rig's viewers; yields progress 0..1.
+    """Find the range of the first viewer's head before the solved display; yields progress 0..1.
 
     Raises
     ------
-    RigError, MeshError : the viewer has no head, the picture is no flat rectangle, or the rig
-        cannot be traced; one sentence
+    RigError, MeshError : the viewer has no head, the picture is not a flat rectangle, or the rig
+        cannot be traced
     """
     rig.check()
     settings.check()
@@ -99,17 +97,17 @@ def eye_box(
 
 
 class Walk:
-    """Ways of a head before a solved display.
+    """Motions of a head before a solved display.
 
-    plan : of the rig whose viewers it is solved for, the first of whom moves
-    distance : of the picture's middle from that one, m
-    weights : (n,) of the points, as much of the picture as each stands for
-    seen : weights of the points that are seen from its own place together, once they are counted
-    begun : the largest of the angles by which they are off there, as part of the limit
+    plan : of the solved rig, whose first viewer moves
+    distance : from it to the picture's centre, m
+    weights : (n,) part of the picture that each point represents
+    seen : total weight of the points seen from the start, once counted
+    begun : largest error at the start, relative to the limit
 
     Raises
     ------
-    RigError : it has no head, or the picture is no flat rectangle; one sentence
+    RigError : the viewer has no head, or the picture is not a flat rectangle
     """
 
     def __init__(self, plan: Plan, limit: float = LIMIT, least: float = LEAST) -> None:
@@ -119,21 +117,21 @@ class Walk:
         self.uv = grid_on(plan.rig.picture_place, N_POINTS, EDGE)
         self.plan, self.limit, self.least = plan, limit, least
         self.solved = [Observer(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
-        # the outermost stand for half of a step, in corners for a quarter
+        # Points on the edge represent half of a step, at corners a quarter.
         along = np.array([1, *[2] * (N_POINTS - 2), 1])
         self.weights = np.outer(along, along).ravel()
         self.seen, self.begun = 0, np.inf
-        self._shown: Floats | None = None  # where on the display the points are, once it is looked
+        self._shown: Floats | None = None  # display places of the points, once they are known
 
     def begin(self) -> Steps[None]:
-        """Count the points that are seen from the viewer's own place."""
+        """Count the points seen from the viewer's place."""
         off = yield from self.off((0.0, 0.0, 0.0))
         is_seen = np.isfinite(off)
         self.seen = int(self.weights[is_seen].sum())
         self.begun = float(off[is_seen].max(initial=0)) / self.limit if self.seen else np.inf
 
     def box(self) -> Generator[float, None, EyeBox]:
-        """Find how far the head may go each way; yields progress 0..1."""
+        """Find the range in each direction; yields progress 0..1."""
         if not self.seen:
             yield from hold_progress(0.05, self.begin())
         ways = [(sign * np.eye(3)[axis], most * self.distance) for axis, sign, most in WAYS]
@@ -143,27 +141,23 @@ class Walk:
         return EyeBox(*ends, limit=self.limit, least=self.least, is_open=are_open)
 
     def off(self, offset: Offset) -> Steps[Floats]:
-        """By how much points (n,) are off, arcmin, as seen from a place of the head; NaN where not
-        seen.
-        """
+        """Errors of points (n,), arcmin, from a place of the head; NaN if unseen."""
         head = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
         return (yield from self.off_by([head]))[0]
 
     def off_by(self, heads: Sequence[Viewer]) -> Steps[Floats]:
-        """The same (k, n) for several heads."""
+        """Errors (k, n) for several heads."""
         seen = yield from self.seen_by(heads)
         return angles_of(self.plan.rig.picture_place, heads, self.uv, seen)
 
     def seen_by(self, heads: Sequence[Viewer]) -> Steps[Floats]:
-        """Where viewers see the points, (k, n, 2) px of their images, NaN where one does not see
-        one.
-        """
+        """Places (k, n, 2) of the points in the viewers' images, px; NaN if unseen."""
         if self._shown is None:
             self._shown = yield from places_shown(self.solved, self.uv)
         return (yield from places_of_shown(self.plan, heads, self.uv, self._shown))
 
     def heads_at(self, offsets: Sequence[Offset]) -> dict[int, Viewer]:
-        """The heads at some places, by their numbers; none where one would be at the picture."""
+        """Heads at given places, by number; places at the picture itself have none."""
         heads = {}
         for k, offset in enumerate(offsets):
             with suppress(RigError):
@@ -171,8 +165,9 @@ class Walk:
         return heads
 
     def parts(self, offsets: Sequence[Offset]) -> Steps[list[float]]:
-        """The largest of the angles by which points are off from each of some places of the head,
-        as part of the limit; inf where too few are seen, or the head is at the picture.
+        """Largest error from each place of the head, relative to the limit.
+
+        inf if too few points are seen, or the head is at the picture.
         """
         heads = self.heads_at(offsets)
         parts = [np.inf] * len(offsets)
@@ -183,16 +178,16 @@ class Walk:
         return parts
 
     def part(self, offset: Offset) -> Steps[float]:
-        """The same from one place."""
+        """`parts` for one place."""
         return (yield from self.parts([offset]))[0]
 
     def farthest(
         self, ways: Sequence[tuple[Floats, float]]
     ) -> Generator[float, None, list[tuple[float, bool]]]:
-        """How far, m, the head may go along each of some ways, up to so many m, and is that as far
-        as it was followed? Yields progress 0..1.
+        """Range, m, in each direction up to given limits, and whether it is open; yields progress
+        0..1.
 
-        They are walked side by side: the heads of a round are looked from together.
+        All directions advance together: the heads of a round are traced in one batch.
         """
         searches = [self._walked(way, most) for way, most in ways]
         found: list[tuple[float, bool] | None] = [None] * len(searches)
@@ -217,7 +212,9 @@ class Walk:
     def _walked(
         self, way: Floats, most: float
     ) -> Generator[list[Floats], list[float], tuple[float, bool]]:
-        """The same of one way, which asks for places of the head and is sent their parts."""
+        """One direction, as a coroutine that yields places of the head and receives their
+        errors.
+        """
         first = FIRST_STEP * self.distance
         if self.begun > 1:
             return 0.0, False
@@ -225,12 +222,12 @@ class Walk:
         slope = (part - self.begun) / first
         guess = OVER * (1 - self.begun) / slope if 0 < slope < np.inf else first
 
-        # on from the guess until it is passed
+        # Go on from the guess until the limit is exceeded.
         outer = min(guess, most)
         while outer < most and (yield [outer * way])[0] <= 1:
             outer = min(2 * outer, most)
 
-        # it may be passed before, for a while
+        # It may be exceeded earlier for a while.
         places = np.linspace(0.0, outer, N_BETWEEN + 1)
         passed = np.flatnonzero(np.array((yield [s * way for s in places[1:]])) > 1)
         if not len(passed):
@@ -248,22 +245,22 @@ class Walk:
 
 NAMES = ("left", "right", "up", "down", "nearer", "farther")  # of WAYS
 FILE = "eye_box.svg"
-BEYOND = 1.2  # times as far as the head may go
-AT_NONE = 0.05  # of the picture's distance: so far where it may go nowhere
-N_STEPS = 6  # of which one ends where the head may not go on
+BEYOND = 1.2  # times the head's range
+AT_NONE = 0.05  # of the picture's distance, if the range is 0
+N_STEPS = 6  # points, one of them at the end of the range
 NOTHING_SEEN = (None, None, None, None, 0.0)
 DISTANCE = "distance of the head from its own place (mm)"
 
 
 @dataclass(frozen=True)
 class WayCurve:
-    """The picture as seen along one way of a head, by its distance, m, from its own place.
+    """The picture along one direction of a head's motion, by distance, m, from its start.
 
     way : one of NAMES
-    distance_m : to which the other lists belong
-    mean_arcmin, largest_arcmin : by which points are off; None where none is seen
-    mean_px, largest_px : the same, viewer px of an image in which the picture keeps its size
-    coverage : share of the points that is seen, 0..1
+    distance_m : abscissa of the other lists
+    mean_arcmin, largest_arcmin : error of points; None if none is seen
+    mean_px, largest_px : the same in viewer px of an image with a constant size of the picture
+    coverage : fraction of the points that is seen, 0..1
     """
 
     way: str
@@ -276,11 +273,11 @@ class WayCurve:
 
 
 def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve, ...]]:
-    """A curve for each way of an eye box that a walk has found; yields progress 0..1.
+    """A curve for each direction of an eye box; yields progress 0..1.
 
-    An open way is followed as far as the picture is away.
+    An open direction is followed to the picture's distance.
     """
-    distances, offsets = [], [np.zeros(3)]  # where all ways begin
+    distances, offsets = [], [np.zeros(3)]  # common start of all directions
     for k, (axis, sign, most) in enumerate(WAYS):
         reach = box.ends[k]
         reach = min(reach, walk.distance) if box.is_open[k] else BEYOND * reach
@@ -298,7 +295,7 @@ def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve,
 
 
 def _at(walk: Walk, offsets: list[Floats]) -> Steps[list[tuple[float | None, ...]]]:
-    """The numbers of a curve, in their order, at each of some places of the head."""
+    """Figures of a curve, in their order, at each place of the head."""
     heads = walk.heads_at(offsets)
     seen = yield from walk.seen_by(list(heads.values()))
     of_head = dict(zip(heads, seen, strict=True))
@@ -309,7 +306,7 @@ def _at(walk: Walk, offsets: list[Floats]) -> Steps[list[tuple[float | None, ...
 
 
 def _numbers(walk: Walk, head: Viewer, seen: Floats) -> tuple[float | None, ...]:
-    """The same from a head that sees the points at (n, 2) px of its image."""
+    """The same for a head that sees the points at (n, 2) px of its image."""
     straight = view_of_picture(walk.plan.rig.picture_place, head, walk.uv)
     is_seen = np.isfinite(seen).all(axis=1)
     if not is_seen.any():
@@ -322,7 +319,7 @@ def _numbers(walk: Walk, head: Viewer, seen: Floats) -> tuple[float | None, ...]
 
 
 def as_data(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> dict[str, Any]:
-    """An eye box and its curves, as they stand in a report: m, arcmin, px, shares."""
+    """Record of an eye box and its curves for a report: m, arcmin, px, fractions."""
     return {
         "viewer": viewer,
         "limit_arcmin": box.limit,
@@ -334,7 +331,7 @@ def as_data(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> dict[str,
 
 
 def as_svg(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> str:
-    """Diagrams of all curves: a column for each axis, below each other angle, px and coverage."""
+    """Diagrams of all curves: a column for each axis, with rows for angle, px and coverage."""
     columns = []
     for one, other in ((0, 1), (2, 3), (4, 5)):
         pair = [curves[one], curves[other]]
@@ -368,21 +365,21 @@ def _name(way: str, field: str) -> str:
     return way if word == "coverage" else f"{way}, {word}"
 
 
-N_TRACED = 3  # parts of an octant's edges between places that are traced
-N_SMOOTH = 4  # parts of those that are drawn
-MOST = 2.0  # times the limit: more is not told apart
+N_TRACED = 3  # traced divisions of an octant's edge
+N_SMOOTH = 4  # drawn divisions
+MOST = 2.0  # times the limit: colours saturate here
 
 
 @dataclass(frozen=True, eq=False)
 class HeadSurface:
-    """Places on the surface, and how they hang together.
+    """Points on the surface, and its triangles.
 
     Parameters
     ----------
     positions : (n, 3) m, world
     triangles : (m, 3), anticlockwise from outside
-    off : (n,) arcmin, the largest angle by which a point of the picture is off from there, up to
-        `MOST` limits; as much where fewer points are seen than have to be
+    off : (n,) arcmin, largest error of any point of the picture from there, up to `MOST` limits;
+        also `MOST` limits if too few points are seen
     """
 
     positions: Floats
@@ -391,9 +388,9 @@ class HeadSurface:
 
 
 def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, HeadSurface]:
-    """The surface of an eye box that a walk has found; yields progress 0..1.
+    """Surface of an eye box; yields progress 0..1.
 
-    An end where the head was not followed any further is drawn no farther away than the picture is.
+    An open end is drawn no farther away than the picture.
     """
     ends = np.zeros((2, 3))
     for (axis, sign, _), extent, is_open in zip(WAYS, box.ends, box.is_open, strict=True):
@@ -404,7 +401,7 @@ def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, HeadSurface]:
     parts = yield from hold_progress(0.0, walk.parts(list(offsets)))
     off = box.limit * np.minimum(parts, MOST)
 
-    # finer, so that it looks round
+    # finer, to look round
     weights, parts = grid(N_SMOOTH)
     steps = np.rint(N_SMOOTH * weights).astype(int) @ coarse[faces]
     points, first, index = np.unique(
@@ -420,8 +417,9 @@ def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, HeadSurface]:
 
 
 def octahedron() -> tuple[Ints, Ints]:
-    """Points (n, 3) on an octahedron with corners N_TRACED from its middle to the right, up and
-    forward, and its triangles (m, 3), anticlockwise from outside.
+    """Points (n, 3) on an octahedron, and its triangles (m, 3), anticlockwise from outside.
+
+    Its corners lie N_TRACED from the centre, along right, up and forward.
     """
     weights, parts = grid(N_TRACED)
     steps = np.rint(N_TRACED * weights).astype(int)
@@ -436,8 +434,9 @@ def octahedron() -> tuple[Ints, Ints]:
 
 
 def _swelled(points: Ints, ends: Floats) -> Floats:
-    """Offsets (n, 3), m, of points (n, 3) on an octahedron, moved out to the surface whose ends
-    (2, 3) are so far along each axis: those below 0 and those above.
+    """Offsets (n, 3), m, of an octahedron's points (n, 3), moved out to the surface.
+
+    ends : (2, 3) range along each axis, negative and positive
     """
     directions = normalise(points.astype(float))
     return directions * np.where(directions > 0, ends[1], ends[0])

@@ -1,20 +1,19 @@
-"""Where do viewers see points of a flat picture, on a display of the smallest pixels?
+"""Places of a flat picture as viewers see them, on a display of infinitely small pixels.
 
-Viewers k with weights w_k ask one display for a picture. Its point d shows the place
+Viewers k with weights w_k share one display. Its point d shows the place
 
     p(d) = sum(w_k p_k(d)) / sum(w_k),
 
-with p_k(d) the place of the picture that lies straight behind where viewer k sees d: that of
-`core/solve/disagreement.py`, without its pixels. A point P of the picture is shown where p(d) = P,
-and seen by each viewer, of weight 0, too, where its light lands on d. So for places x_k of the
-viewers' images, whose rays land at T_k(x_k),
+where p_k(d) is the place of the picture straight behind the point at which viewer k sees d, as in
+`core/solve/disagreement.py`, without pixels. A point P of the picture is shown where p(d) = P. Each
+viewer, including those of weight 0, sees it where its light lands on d. For places x_k of the
+viewers' images, whose rays land at T_k(x_k), this means
 
     T_k(x_k) = d for all k,  sum(w_k p_k(x_k)) = P sum(w_k).
 
-Newton's method for all of them at once: x_k goes on by J_k^-1 (d - T_k), with J_k the derivative
-of T_k by traced rays, and d is such that the second equation holds then, to first order. Each point
-goes on as long as it needs. Where a point is shown does not depend on who else looks: those of
-weight 0 go on to the d that is found, each by itself.
+Newton's method solves both together: x_k advances by J_k^-1 (d - T_k), where traced rays give the
+derivative J_k of T_k, and d satisfies the second equation to first order. Each point iterates as
+long as it needs. Viewers of weight 0 do not affect d, so they follow separately.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,17 +35,17 @@ from ..warp.view_from_display import derivative, inverse_of
 
 MOST_ROUNDS = 24
 SETTLED_PX = 1e-9  # viewer px
-# viewer px: the last step of a place that counts as found. A place on the edge of two curved faces
-# goes to and fro by the jump between them, 2e-6 on a ball of 5 120 triangles.
+# Viewer px: the last step of a converged place. On the edge between two curved faces a place
+# oscillates by the jump between them, 2e-6 on a ball of 5 120 triangles.
 IS_KNOWN = 1e-4
-BESIDE_PX = 1e-3  # viewer px, over which the way to the picture is derived
+BESIDE_PX = 1e-3  # viewer px, step of the numerical derivative
 
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """One who looks at the display, through what is in a plan, and how much it counts.
+    """A viewer of a plan's display, and its weight.
 
-    weight : 0 where the display does not show the picture for this viewer
+    weight : 0 if the display does not show the picture for this viewer
     """
 
     plan: Plan
@@ -55,14 +54,14 @@ class Observer:
 
 @dataclass(eq=False)
 class _PlacesFound:
-    """Places of one viewer's image so far.
+    """Iterated places of one viewer's image.
 
-    view, display : (n, 2) viewer px, and the display px on which their rays land
-    branch : (n,) that light takes from where points are seen straight; 0 where none lands
+    view, display : (n, 2) viewer px, and display px on which their rays land
+    branch : (n,) of the light at the straight place; 0 if it lands nowhere
     inverse : (n, 2, 2) viewer px by display px
-    step : (n, 2) viewer px, the last
-    reach : (n,) part of a step that is taken: less than 1 where a whole one left the branch
-    has_arrived : (n,) is the landing within the display?
+    step : (n, 2) viewer px, the last one
+    reach : (n,) fraction of a step to use: below 1 after a whole step left the branch
+    has_arrived : (n,) whether the landing is on the display
     """
 
     view: Floats
@@ -74,22 +73,20 @@ class _PlacesFound:
     has_arrived: Bools
 
     def at(self, which: Ints) -> "_PlacesFound":
-        """Some of the points."""
+        """The given rows."""
         return _PlacesFound(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def grid_of(n: int) -> Floats:
-    """Places (n * n, 2) of a picture, u and v of 0..1, row by row from the top: the middles of
-    n x n parts.
-    """
+    """Centres (n * n, 2) of n x n parts of a picture, u and v in 0..1, row by row from the top."""
     along = (np.arange(n) + 0.5) / n
     return np.stack([grid.ravel() for grid in np.meshgrid(along, 1 - along)], axis=1)
 
 
 def grid_on(place: PicturePlace, n: int, edge: float | None = None) -> Floats:
-    """The same of the part of a picture that lies on its plane, by the plane's UV map.
+    """The same for the part of a picture on its plane, by the plane's UV map.
 
-    edge : of a side, how far within the picture the outermost points lie; half a step by default
+    edge : inset of the outermost points, relative to a side; half a step by default
     """
     low, high = (bound(place.mesh.uv, (0, 1)) for bound in (np.min, np.max))
     grid = grid_of(n)
@@ -99,17 +96,16 @@ def grid_on(place: PicturePlace, n: int, edge: float | None = None) -> Floats:
 
 
 def places_seen(looks: Sequence[Observer], uv: Floats) -> Steps[Floats]:
-    """Where each of those who look sees places of a picture: (k, n, 2) viewer px, NaN where it
-    sees none; yields numbers of rays.
+    """Places (k, n, 2), viewer px, at which each viewer sees places of a picture; NaN if unseen.
 
-    A viewer that counts, but to whom no light comes from where a place is seen straight, does not
+    Yields numbers of rays. A weighted viewer that receives no light from a straight place does not
     count there.
 
     uv : (n, 2) places of the picture, v upward
 
     Raises
     ------
-    RigError : the picture is no flat rectangle, or is seen edge-on
+    RigError : the picture is not a flat rectangle, or is seen edge-on
     """
     solved = [look for look in looks if look.weight]
     shown, views = yield from _shown(solved, uv)
@@ -121,17 +117,18 @@ def places_seen(looks: Sequence[Observer], uv: Floats) -> Steps[Floats]:
 
 
 def places_shown(solved: Sequence[Observer], uv: Floats) -> Steps[Floats]:
-    """Where on the display (n, 2) px places of a picture are shown for those who look; NaN where
-    none of them is to see one; else as `places_seen`.
+    """Display px (n, 2) that show places of a picture; NaN if no viewer is to see it.
+
+    Otherwise like `places_seen`.
     """
     shown, _ = yield from _shown(solved, uv)
     return shown
 
 
 def place_of_shown(plan: Plan, uv: Floats, shown: Floats) -> Steps[Floats]:
-    """Where a plan's viewer sees places of a picture (n, 2) viewer px; NaN where it sees none.
+    """Places (n, 2), viewer px, at which a plan's viewer sees places of a picture; NaN if unseen.
 
-    shown : (n, 2) display px, where they are shown, as `places_shown` tells
+    shown : (n, 2) display px of these places, from `places_shown`
     """
     return (yield from places_of_shown(plan, [plan.viewer], uv, shown))[0]
 
@@ -139,8 +136,10 @@ def place_of_shown(plan: Plan, uv: Floats, shown: Floats) -> Steps[Floats]:
 def places_of_shown(
     plan: Plan, viewers: Sequence[Viewer], uv: Floats, shown: Floats
 ) -> Steps[Floats]:
-    """The same for k viewers of what is in a plan, (k, n, 2) viewer px. Their rays are traced
-    together: of one alone the last few points would take a batch each time they go on.
+    """The same for k viewers, (k, n, 2) viewer px.
+
+    Their rays are traced together, because the last few points of a single viewer would take a
+    batch each iteration.
     """
     place, k = plan.rig.picture_place, len(viewers)
     if not k:
@@ -154,8 +153,8 @@ def places_of_shown(
 
 
 def _shown(solved: Sequence[Observer], uv: Floats) -> Steps[tuple[Floats, list[Floats]]]:
-    """Where places are shown, (n, 2) display px, and where each of those who look sees them, (n, 2)
-    viewer px; NaN where they are not.
+    """Display px (n, 2) that show places, and viewer px (n, 2) at which each viewer sees them;
+    or NaN.
     """
     place = solved[0].plan.rig.picture_place
     plans = [look.plan for look in solved]
@@ -194,11 +193,11 @@ def _settled(
     weights: Floats,
     meant: Callable[[Ints], Floats],
 ) -> Steps[None]:
-    """Bring the places of all viewers to where points are shown, as far as that can be.
+    """Move the places of all viewers as close as possible to the shown points.
 
-    weights : (k, n), 0 where a viewer does not count
-    meant : where some of the points, by their numbers, are shown, (m, 2) display px, by the places
-        and inverses so far
+    weights : (k, n), 0 if a viewer does not count
+    meant : function of point numbers that returns their display px (m, 2), by the present places
+        and inverses
     """
     counts = weights > 0
     left = np.flatnonzero(counts.any(axis=0))
@@ -217,9 +216,9 @@ def _settled(
 
         largest = np.max([np.abs(one.step[left]).max(axis=1) for one in found], axis=0)
         is_whole = np.all([one.reach[left] == 1 for one in found], axis=0)
-        # rounding is reached where a known place comes no nearer
+        # A converged place that comes no closer has reached rounding.
         is_near = (before[left] / 2 < largest) & (largest < IS_KNOWN)
-        # a step that was halved more often than it can be doubled again is never a whole one
+        # A step halved more often than the remaining rounds can double never becomes whole again.
         lost = [(one.branch[left] == 0) | (one.reach[left] * 2.0**n_left < 1) for one in found]
         is_lost = (counts[:, left] & lost).any(axis=0)
         before[left] = largest
@@ -227,12 +226,12 @@ def _settled(
 
 
 def _of_some(trace: Tracer, left: Ints) -> Tracer:
-    """The same, for a table of some of the rows."""
+    """The same for a table of some of the rows."""
     return lambda rows, view: trace(left[rows], view)
 
 
 def _begun(trace: Tracer, view: Floats) -> Steps[_PlacesFound]:
-    """Where points (n, 2) viewer px are seen straight, to begin with."""
+    """Initial places: points (n, 2), viewer px, as seen straight."""
     n = len(view)
     traced = yield from trace(np.arange(n), view)
     return _PlacesFound(
@@ -249,7 +248,7 @@ def _begun(trace: Tracer, view: Floats) -> Steps[_PlacesFound]:
 def _shown_at(
     found: list[_PlacesFound], ways: list[PlaneMapping], weights: Floats, wanted: Floats
 ) -> Floats:
-    """Where on the display (n, 2) px places are shown, to first order; NaN where on none.
+    """Display px (n, 2) that show places, to first order; NaN for none.
 
     weights : (k, n); wanted : (n, 2) picture px
     """
@@ -268,7 +267,7 @@ def _shown_at(
 
 
 def _by_view(way: PlaneMapping, view: Floats) -> Floats:
-    """Picture px by viewer px (n, 2, 2), at places (n, 2)."""
+    """Derivatives (n, 2, 2) of picture px by viewer px, at places (n, 2)."""
     columns = []
     for step in BESIDE_PX * np.eye(2):
         ahead, behind = (mapped(way.there, view + sign * step)[0] for sign in (1, -1))
@@ -277,7 +276,7 @@ def _by_view(way: PlaneMapping, view: Floats) -> Floats:
 
 
 def _go_on(trace: Tracer, one: _PlacesFound, left: Ints, shown: Floats) -> Steps[None]:
-    """Move some places of a viewer's image to where it sees points (m, 2) display px."""
+    """Move some places of a viewer's image towards points (m, 2), display px."""
     here = one.at(left)
     step = here.reach[:, None] * np.einsum("nij,nj->ni", here.inverse, shown - here.display)
     can_move = np.isfinite(step).all(axis=1) & here.inverse.any(axis=(1, 2)) & (here.branch != 0)
@@ -289,13 +288,13 @@ def _go_on(trace: Tracer, one: _PlacesFound, left: Ints, shown: Floats) -> Steps
     one.view[some] = tried[is_on_branch]
     one.display[some] = traced.xy[is_on_branch]
     one.has_arrived[some] = traced.reason[is_on_branch] == Reason.ARRIVED
-    # those that cannot move are done, and not found
+    # Places that cannot move are finished, and not found.
     one.step[left] = np.where(can_move[:, None], step, 0.0)
     one.reach[left] = np.where(is_on_branch, np.minimum(1.0, 2 * here.reach), here.reach / 2)
     one.branch[left[~can_move]] = 0
 
 
 def _is_known(one: _PlacesFound) -> Bools:
-    """Which places (n,) are seen on the display."""
+    """Whether places (n,) are seen on the display."""
     is_settled = (np.abs(one.step) < IS_KNOWN).all(axis=1) & (one.reach == 1)
     return (one.branch != 0) & one.has_arrived & is_settled

@@ -1,7 +1,7 @@
-"""References of maps and images, the pictures they show, and the errors against them.
+"""References for maps and images, their test pictures, and the errors against them.
 
-Maps are compared with those of a finer solve. Images are compared with those of the finer solve,
-for a picture of fine detail in the place of the artist's, too.
+Maps and images are compared with those of a finer solve; images also with a picture of fine detail
+in place of the artist's.
 """
 
 from collections.abc import Generator, Sequence
@@ -39,16 +39,14 @@ STEPS_OF_FORMAT = {"8 bit": 255, "10 bit": 1023, "16 bit": 65535}
 
 @dataclass(frozen=True)
 class MapErrors:
-    """How far off one viewer's map is: as the solve itself tells, and from traced landings.
+    """Errors of one viewer's map: its own estimate, and against traced landings.
 
-    Distances are those of the points that map and trace both take to the display.
+    Distances are between landings that both map and trace place on the display.
 
-    estimate : percentile of the map's error as the solve itself estimates it, display px
-    facet_limited, unresolved : shares of the viewer's image that the solve itself says are so
-    rms, percentile : rms and PERCENTILE of the distance,
-        display px; None where there are no such points
-    overlap : of the points that the map or the trace takes to
-        the display, the share that both do (IoU)
+    estimate : percentile of the map's own error estimate, display px
+    facet_limited, unresolved : fractions of the viewer's image that the solve reports as such
+    rms, percentile : rms and PERCENTILE of the distance, display px; None without such points
+    overlap : of the points that map or trace place on the display, the fraction that both do (IoU)
     """
 
     estimate: float
@@ -61,14 +59,13 @@ class MapErrors:
 
 @dataclass(frozen=True)
 class SeenErrors:
-    """How far off one viewer's seen image is.
+    """Errors of one viewer's seen image.
 
-    seen_psnr : dB, white is 1, over the viewer's pixels that show the picture and no more: what is
-        seen of this source image, against what is seen of the reference's; None when there is no
-        difference
-    lattice_shift, lattice_largest : mean and largest displacement of the dots of the
-        lattice as seen, against the ideal image, viewer px; None where no dot is seen
-    lattice_seen : dots that are seen; None where the lattice was not painted
+    seen_psnr : dB, white is 1, against the reference's seen image, over viewer pixels that show
+        only the picture; None if there is no difference
+    lattice_shift, lattice_largest : mean and largest displacement of the seen dots against the
+        ideal image, viewer px; None if no dot is seen
+    lattice_seen : number of seen dots; None if the lattice was not painted
     """
 
     seen_psnr: float | None
@@ -79,12 +76,10 @@ class SeenErrors:
 
 @dataclass(frozen=True)
 class ImageErrors:
-    """How far off a source image is, and each viewer's seen image.
+    """Errors of a source image, and of each viewer's seen image.
 
-    source_rmse : linear values, over the display pixels that show
-        the picture and no more (Reference.is_shown)
-    holes : those of them that stay black, where the picture is
-        nowhere black; they count in source_rmse
+    source_rmse : linear values, over display pixels that show only the picture (Reference.is_shown)
+    holes : black pixels among them, though the picture is nowhere black; included in source_rmse
     """
 
     source_rmse: float
@@ -93,18 +88,18 @@ class ImageErrors:
 
 
 def rms(values: Floats) -> float:
-    """Root of the mean square; 0 of none."""
+    """Root of the mean square; 0 of an empty array."""
     return float(np.sqrt(np.mean(np.square(values, dtype=float)))) if values.size else 0.0
 
 
 def psnr(difference: Floats) -> float | None:
-    """Peak signal-to-noise ratio, dB, of an image that is off by this; None where it is not."""
+    """Peak signal-to-noise ratio, dB, for an error; None for no error."""
     off = rms(difference)
     return float(-20 * np.log10(off)) if off > 0 else None
 
 
 def quantisation(source: NDArray[np.float32]) -> dict[str, float]:
-    """Rms changes by number formats in an image (..., 3), linear, sRGB-encoded to 0..1.
+    """Rms rounding of number formats for an image (..., 3), linear, sRGB-encoded to 0..1.
 
     Clipping is not counted.
     """
@@ -118,17 +113,18 @@ def quantisation(source: NDArray[np.float32]) -> dict[str, float]:
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
 
-FINEST = 10.0  # px: the zone plate's shortest period, at the middle of its edges
+FINEST = 10.0  # px: shortest period of the zone plate, at the middle of its edges
 # px, of the zone plate
 LEAST_SIDE = 16
 MOST_SIDE = 4096
 PROBES = 256  # rays along each side of the viewer's image that look for the picture
-HALF_COVER = 0.5  # share of a place that the picture has to cover for its scale to be read there
+HALF_COVER = 0.5  # coverage by the picture from which its scale can be read
 
 
 def zone_plate(pixels: int) -> Image:
-    """Rings that grow finer outward: detail in all directions, and
-    nowhere black, so that a black pixel is a hole.
+    """Zone plate: rings that get finer outward, with detail in all directions.
+
+    It is nowhere black, so a black pixel is a hole.
 
     Returns
     -------
@@ -142,9 +138,7 @@ def zone_plate(pixels: int) -> Image:
 
 
 def picture_extent(place: PicturePlace, viewer: Viewer) -> float:
-    """Side of a picture as a viewer sees it straight, the root
-    of its area, in viewer px; 0 where it is unseen.
-    """
+    """Side of a picture as a viewer sees it straight (root of its area), viewer px; 0 if unseen."""
     place = replace(place, width=1, height=1)
     x, y = ((np.arange(PROBES) + 0.5) / PROBES * size for size in (viewer.width, viewer.height))
     points = picture_from_view(
@@ -155,16 +149,15 @@ def picture_extent(place: PicturePlace, viewer: Viewer) -> float:
 
 
 def showing(rig: Rig, image: Image) -> Rig:
-    """The same rig with another image (h, w, 4) where its picture is."""
+    """The rig with another image (h, w, 4) as its picture."""
     return replace(rig, pictures=(rig.picture_place.showing(image),))
 
 
 def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
-    """The rig with a picture of fine detail and with the
-    lattice of dots, and the name of the first.
+    """The rig with a zone plate, the rig with a lattice of dots, and the zone plate's name.
 
-    One pixel of the zone plate is one of the viewer's: shares are no larger,
-    so that all methods read the same picture.
+    One pixel of the zone plate equals one of the viewer. Shares are no larger, so all methods read
+    the same picture.
     """
     extent = max(picture_extent(rig.picture_place, viewer) for viewer in rig.viewers)
     side = int(np.clip(np.ceil(extent), LEAST_SIDE, MOST_SIDE))
@@ -178,13 +171,12 @@ def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
     return showing(rig, image), showing(rig, np.dstack([dots, np.ones_like(dots[..., 0])])), about
 
 
-N_CHECKED = 1 << 16  # points of the viewer's image at which the map is compared with the trace
-HALF = 0.5  # a display pixel counts as covered from this share of its area on
-# a pixel is the picture's when this share of what it shows
-# is: where the outline runs, methods differ
+N_CHECKED = 1 << 16  # points of the viewer's image at which map and trace are compared
+HALF = 0.5  # fraction of a display pixel's area from which it counts as covered
+# Fraction of a pixel's content that has to be the picture; along the outline methods differ.
 WHOLE = 0.99
-TIMES_FINER = 4  # each way, the display's pixels from which the reference's source image is made
-MOST_FINE = 2048  # px: side of the largest such display, for the sake of memory
+TIMES_FINER = 4  # each way, of the display pixels for the reference's source image
+MOST_FINE = 2048  # px: limit of such a display's side, to save memory
 
 
 class Mapping(Protocol):
@@ -194,22 +186,22 @@ class Mapping(Protocol):
     def error(self) -> MapError: ...
 
     def display_from_view(self, xy: Floats) -> Floats:
-        """Display px (n, 2) of viewer px (n, 2), NaN where nothing lands."""
+        """Display px (n, 2) of viewer px (n, 2); NaN if nothing lands."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceChannel:
-    """What the landings and the image of one viewer are compared with.
+    """References for the landings and the image of one viewer.
 
     Parameters
     ----------
-    plan : for the viewer, of the rig with the picture of fine detail
-    points, landed : (n, 2) viewer px and where their rays land,
-        display px, NaN where not on the display
+    plan : for the viewer, of the rig with the zone plate
+    points, landed : (n, 2) viewer px and the display px on which their rays land; NaN off the
+        display
     seconds_a_ray : of the trace
-    is_seen : (h, w), viewer pixels in which nothing but the picture is seen
-    solved, dots : the channel, and that of the lattice of dots, at a much finer tolerance
+    is_seen : (h, w) whether a viewer pixel shows only the picture
+    solved, dots : channels of both pictures, at a much finer tolerance
     """
 
     plan: Plan
@@ -241,7 +233,9 @@ class ReferenceChannel:
         )
 
     def seen_errors(self, off: Image, dotted: Image | None) -> SeenErrors:
-        """Of a seen image that is off by so much (h, w, 3), and of the lattice's source image."""
+        """Errors from the difference (h, w, 3) of a seen image and from the lattice's source
+        image.
+        """
         if dotted is None:
             shift = None, None, None
         else:
@@ -256,12 +250,11 @@ class Reference:
 
     Parameters
     ----------
-    dotted : the rig with the lattice of dots as picture
+    dotted : the rig with the lattice of dots as its picture
     solution, dots : solves of both pictures at a much finer tolerance
-    source : (H, W, 3), the display's image for the picture of
-        fine detail: from a display of finer pixels
-    is_shown : (H, W), display pixels that the viewer sees by half
-        or more, and that show nothing but the picture
+    source : (H, W, 3) the display's image of the zone plate, from a display of finer pixels
+    is_shown : (H, W) whether the viewer sees at least half of a display pixel, showing only the
+        picture
     channels : one for each of the solution's
     """
 
@@ -280,8 +273,8 @@ class Reference:
         )
 
     def image_errors(self, detailed: Image, dotted: Image | None = None) -> ImageErrors:
-        """Compare source images (H, W, 3) of the two
-        pictures, or of the first, with the reference's.
+        """Compare source images (H, W, 3) of both pictures, or of the first, with the
+        reference's.
         """
         wanted = self.source[self.is_shown]
         found = detailed[self.is_shown]
@@ -297,9 +290,7 @@ class Reference:
         )
 
     def own_errors(self) -> ImageErrors:
-        """The rest, when only the reference's own errors are
-        left: the PSNR is against the ideal image.
-        """
+        """The remaining errors of the reference itself; its PSNR is against the ideal image."""
         return ImageErrors(
             source_rmse=0.0,
             holes=int((self.source[self.is_shown] == 0).all(axis=1).sum()),
@@ -313,8 +304,8 @@ class Reference:
 
 
 def _on_display(xy: Floats, display: Display) -> Floats:
-    """Display px (n, 2), NaN where they are not on the display's
-    image: landings just beside it are traced too.
+    """Display px (n, 2); NaN off the display's image, since landings next to it are traced as
+    well.
     """
     with np.errstate(invalid="ignore"):
         is_on = ((xy >= 0) & (xy <= (display.width, display.height))).all(axis=1)
@@ -329,7 +320,7 @@ def make_reference(
     Raises
     ------
     RigError, MeshError
-        The rig cannot be solved, or no display pixel shows the picture alone.
+        The rig cannot be solved, or no display pixel shows only the picture.
     """
     session = Session()
     solution = yield from subprogress(session.solve(detailed, settings), 0.0, 0.4)
@@ -364,9 +355,9 @@ def make_reference(
 
 
 def _traced(plan: Plan, solved: Channel, dots: Channel, white: Image) -> ReferenceChannel:
-    """The reference of one viewer.
+    """Reference of one viewer.
 
-    white : (H, W, 3) the source image of white in the picture's place
+    white : (H, W, 3) source image of a white picture
     """
     viewer = plan.viewer
     points = np.random.default_rng(0).random((N_CHECKED, 2)) * (viewer.width, viewer.height)
@@ -387,15 +378,14 @@ def _traced(plan: Plan, solved: Channel, dots: Channel, white: Image) -> Referen
 
 
 def times_finer(rig: Rig) -> int:
-    """How many times finer, each way, the display of the reference is."""
+    """Refinement of the reference's display, each way."""
     return int(np.clip(MOST_FINE // max(rig.display.width, rig.display.height), 1, TIMES_FINER))
 
 
 def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[Image, Image]]:
-    """Source images (H, W, 3) of the rig and of white in its
-    picture's place, from a display of finer pixels.
+    """Source images (H, W, 3) of the rig and of a white picture, from a display of finer pixels.
 
-    Each share is read at a few places; on finer pixels there are more shares, and each is smaller.
+    A share is read at a few places. Finer pixels have more shares, and each is smaller.
     """
     k = times_finer(rig)
     display = replace(rig.display, width=k * rig.display.width, height=k * rig.display.height)

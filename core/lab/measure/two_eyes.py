@@ -1,21 +1,21 @@
-"""At which depth do two eyes see points of the picture, and what of their sights does not meet?
+"""Depth at which two eyes see points of the picture, and the disparity that no depth explains.
 
-Each eye sees a point of the picture in the direction of the ray on which its light comes, in the
-air before the glass. The two *lines of sight* of a point are seen as one at the middle between
-their nearest places. How far that is in front of the picture's plane is the *depth* of the point.
+Each eye sees a point of the picture along the ray on which its light arrives, in the air before the
+glass. The two *lines of sight* of a point are fused half way between their nearest points. The
+distance of this place in front of the picture's plane is the point's *depth*.
 
-Angles are Helmholtz's, about the line between the eyes: a direction's *elevation* turns about that
-line, its *azimuth* is the angle from the plane across the line. Lines of sight to one point have
-one elevation, wherever it is. So the difference of elevations (*vertical disparity*) is what no
-depth explains, and the difference of azimuths, less that of the point itself, tells the depth
-(*horizontal disparity*). Howard and Rogers, Perceiving in Depth, vol. 2 (2012), name them so.
+Angles are Helmholtz's, about the line between the eyes: the *elevation* of a direction turns about
+this line, its *azimuth* is the angle from the plane across it. Lines of sight to one point have
+equal elevations. The difference of elevations (*vertical disparity*) is therefore explained by no
+depth; the difference of azimuths, less the point's own, gives the depth (*horizontal disparity*).
+The terms follow Howard and Rogers, Perceiving in Depth, vol. 2 (2012).
 
-Eyes cannot follow much vertical disparity. Kooi and Toet (Visual comfort of binocular and 3D
-displays, Displays 25, 2004, 99-108, doi 10.1016/j.displa.2004.07.004) had observers rate brief
-looks at pairs of images, and found that nearly all asymmetries, vertical shifts among them, reduce
-comfort where they are large enough. Makers of binoculars keep the images of both tubes within 15
-arcmin in height, beyond which eyes strain and tire, and heads ache (Tonkin, Binocular Astronomy,
-table 2.1): those are held to the eyes for long, as a picture in glass is.
+Eyes tolerate little vertical disparity. Kooi and Toet (Visual comfort of binocular and 3D displays,
+Displays 25, 2004, 99-108, doi 10.1016/j.displa.2004.07.004) had observers rate brief looks at pairs
+of images, and found that nearly all asymmetries, vertical shifts among them, reduce comfort if they
+are large enough. Makers of binoculars keep the images of both tubes within 15 arcmin in height,
+beyond which eyes strain and heads ache (Tonkin, Binocular Astronomy, table 2.1). Binoculars are
+used for long, like a picture in glass.
 """
 
 import base64
@@ -42,21 +42,20 @@ from ..drawing.svg import FONT, document, text_at
 from .places_seen import Observer, grid_of, grid_on, places_seen
 from .viewer_errors import ARCMIN, N_POINTS, displaced
 
-MOST_APART = np.cos(np.radians(45.0))  # between where two eyes look, or their sides point
-TIRES_FROM = 15.0  # arcmin of vertical disparity; the source is above
+MOST_APART = np.cos(np.radians(45.0))  # largest angle between the axes of two eyes
+TIRES_FROM = 15.0  # arcmin of vertical disparity; source above
 NEITHER, LEFT, RIGHT, BOTH = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Sights:
-    """How two eyes see n x n points of the picture, row by row from the top; NaN where not both
-    see one.
+    """Points of the picture, n x n, as two eyes see them, row by row from the top; NaN unless both
+    do.
 
-    horizontal : (n, n) arcmin, by how much more the eyes converge than for the point itself: above
-        0 where it is seen in front of the plane
-    vertical : (n, n) arcmin, by how much higher the left eye sees it than the right
-    depth : (n, n) m, in front of the picture's plane, on the eyes' side; -inf where the lines of
-        sight come nearest behind the eyes, as of something further than infinity
+    horizontal : (n, n) arcmin, additional convergence of the eyes; positive in front of the plane
+    vertical : (n, n) arcmin, elevation of the left eye's view above the right's
+    depth : (n, n) m, in front of the picture's plane, towards the eyes; -inf if the lines of sight
+        come nearest behind the eyes (beyond infinity)
     """
 
     horizontal: Floats
@@ -65,47 +64,47 @@ class Sights:
 
     @property
     def is_seen(self) -> Bools:
-        """Which points (n, n) both eyes see."""
+        """Whether both eyes see each point, (n, n)."""
         return np.isfinite(self.vertical)
 
     @property
     def mean_vertical(self) -> float | None:
-        """Mean size, arcmin; None where no point is seen."""
+        """Mean magnitude, arcmin; None if no point is seen."""
         return self._told(np.abs(self.vertical), np.mean)
 
     @property
     def largest_vertical(self) -> float | None:
-        """Largest size, arcmin; None where no point is seen."""
+        """Largest magnitude, arcmin; None if no point is seen."""
         return self._told(np.abs(self.vertical), np.max)
 
     @property
     def mean_horizontal(self) -> float | None:
-        """Mean, arcmin; None where no point is seen."""
+        """Mean, arcmin; None if no point is seen."""
         return self._told(self.horizontal, np.mean)
 
     @property
     def largest_horizontal(self) -> float | None:
-        """Largest size, arcmin; None where no point is seen."""
+        """Largest magnitude, arcmin; None if no point is seen."""
         return self._told(np.abs(self.horizontal), np.max)
 
     @property
     def mean_depth(self) -> float | None:
-        """Mean, m; None where no point is seen."""
+        """Mean, m; None if no point is seen."""
         return self._told(self.depth, np.mean)
 
     @property
     def largest_depth(self) -> float | None:
-        """Of the point that is seen farthest from the plane, m; None where no point is seen."""
+        """Depth of the point seen farthest from the plane, m; None if no point is seen."""
         return self._told(self.depth, lambda depth: depth[np.abs(depth).argmax()])
 
     @property
     def nearest_depth(self) -> float | None:
-        """Of the point that is seen nearest, m; None where none is seen."""
+        """Depth of the nearest point, m; None if no point is seen."""
         return self._told(self.depth, np.max)
 
     @property
     def farthest_depth(self) -> float | None:
-        """Of the point that is seen farthest, m; None where none is seen."""
+        """Depth of the farthest point, m; None if no point is seen."""
         return self._told(self.depth, np.min)
 
     def _told(self, values: Floats, number: Callable[[Floats], np.floating]) -> float | None:
@@ -114,12 +113,12 @@ class Sights:
 
 @dataclass(frozen=True, eq=False)
 class TwoEyes:
-    """How a pair of eyes sees the picture, by what the display shows.
+    """The picture as a pair of eyes sees it, by the content of the display.
 
     left, right : names of the viewers
-    uncompensated : the plain picture, as it would be right for a rig whose glass does not refract
-    for_left, for_right, for_both : the source image for one of them, or for both by their weights,
-        where they disagree the picture at the mean of their places (*sharp*)
+    uncompensated : the plain picture, right for a rig whose glass does not refract
+    for_left, for_right, for_both : source image for one of them, or for both by their weights, with
+        disagreements settled at the mean place (*sharp*)
     """
 
     left: str
@@ -133,21 +132,21 @@ class TwoEyes:
 def two_eyes(
     rig: Rig, settings: Settings, n: int = N_POINTS, kept: MeshCache | None = None
 ) -> Generator[float, None, TwoEyes]:
-    """Look at n x n points of the picture with the two viewers of a rig; yields progress 0..1.
+    """Look at n x n points of the picture with a rig's two viewers; yields progress 0..1.
 
-    Display pixels are taken to be as small as can be. Only a few rays are traced.
+    Display pixels are taken as infinitely small. Only a few rays are traced.
 
     Raises
     ------
-    RigError, MeshError : the viewers are no pair, the picture is no flat rectangle, or the rig
-        cannot be traced; one sentence
+    RigError, MeshError : the viewers are not a pair, the picture is not a flat rectangle, or the
+        rig cannot be traced
     """
     rig.check()
     settings.check()
     left, right = pair_of(rig)
     plane_of(rig)
     rig = replace(rig, viewers=(left, right))
-    # glass that does not refract is no matter, but the light has to go through it
+    # Glass of index 1 has no effect, but light past it has to count.
     how = replace(settings, only_through_glass=False, suppress_glare=0.0)
     bare = yield from hold_progress(0.0, compile_plan_steps(without_glass(rig), how))
     plan = yield from hold_progress(0.1, compile_plan_steps(rig, settings, kept))
@@ -168,12 +167,13 @@ def two_eyes(
 
 
 def sights_of(solution: Solution) -> tuple[Viewer, Viewer, Sights]:
-    """The left and the right eye of a rig that is solved, and how they see points of the picture:
-    the places are those that `displaced` finds, on the display's own pixels.
+    """Left and right eye of a solved rig, and points of the picture as they see them.
+
+    The places come from `displaced`, on the display's own pixels.
 
     Raises
     ------
-    RigError : the viewers are no pair, or the picture is no flat rectangle; one sentence
+    RigError : the viewers are not a pair, or the picture is not a flat rectangle
     """
     rig = solution.rig
     left, right = pair_of(rig)
@@ -184,11 +184,11 @@ def sights_of(solution: Solution) -> tuple[Viewer, Viewer, Sights]:
 
 
 def pair_of(rig: Rig) -> tuple[Viewer, Viewer]:
-    """The left and the right eye of a rig.
+    """Left and right eye of a rig.
 
     Raises
     ------
-    RigError : its viewers are no pair of eyes
+    RigError : its viewers are not a pair of eyes
     """
     if len(rig.viewers) != 2:
         raise RigError(
@@ -224,7 +224,7 @@ def pair_of(rig: Rig) -> tuple[Viewer, Viewer]:
 
 
 def _sights(rig: Rig, view: Floats, n: int) -> Sights:
-    """How the two eyes of a rig see points of the picture, at places (2, n * n, 2) viewer px."""
+    """Points of the picture as a rig's two eyes see them at places (2, n * n, 2) viewer px."""
     plane = plane_of(rig)
     left, right = rig.viewers
     across = normalise(right.position - left.position)
@@ -250,25 +250,25 @@ def _sights(rig: Rig, view: Floats, n: int) -> Sights:
 
 
 def angles_between(left: Floats, right: Floats, across: Floats) -> tuple[Floats, Floats]:
-    """By how much unit directions (n, 3) of a left and a right eye differ in Helmholtz's azimuth
-    and elevation, rad (n,) each: the left less the right.
+    """Differences, left less right, of Helmholtz azimuth and elevation, rad (n,) each.
 
-    With c the unit vector from the left eye to the right, the azimuth of d is asin(d . c), and the
-    elevation the angle about c. The difference of elevations is that between d x c of the two.
+    Directions (n, 3) are unit vectors of a left and a right eye. With c the unit vector from the
+    left eye to the right, the azimuth of d is asin(d . c), and the elevation the angle about c. The
+    difference of elevations is the angle between the two vectors d x c.
 
     across : (3,) c
     """
     azimuth = [np.arcsin(np.clip(dot(d, across), -1, 1)) for d in (left, right)]
     one, other = (np.cross(across, d) for d in (left, right))
-    # of right x forward, which is up, turned to the forward of both
+    # right x forward is up: the sign follows the mean forward direction
     raised = np.arctan2(dot(np.cross(other, one), across), dot(one, other))
     return azimuth[0] - azimuth[1], raised
 
 
 def nearest_between(one: Floats, other: Floats, along: Floats, along_other: Floats) -> Floats:
-    """The middle (n, 3) between the nearest places of two lines; NaN where they are parallel.
+    """Midpoints (n, 3) of the shortest distance between two lines; NaN if they are parallel.
 
-    With w = other - one and m = u x v, the places one + s u and other + t v are nearest where
+    With w = other - one and m = u x v, the lines one + s u and other + t v are closest at
     s = (w x v) . m / m^2 and t = (w x u) . m / m^2.
 
     one, other : (3,) a point of each line; along, along_other : (n, 3) unit directions u and v
@@ -288,19 +288,20 @@ WAYS = ("uncompensated", "for_left", "for_right", "for_both")  # fields of TwoEy
 # px
 WIDTH = 330  # of the picture
 GAP = 30
-HEAD = 46  # over a picture, for its words
+HEAD = 46  # space above a picture for its caption
 TOP = 60
 MOST_PIXELS = 220  # of the picture's own, each way
 FADED = 0.25
-LONGEST = 0.42  # of the way between two points: the longest arrow, and the largest disc
-# the longest arrow and the largest disc tell of so much, arcmin and m, or of more
+LONGEST = 0.42  # of the distance between two points: longest arrow, and largest disc
+# Least values, arcmin and m, of the longest arrow and the largest disc.
 LEAST = {"vertical": 0.01, "horizontal": 0.01, "depth": 1e-5}
-MORE, LESS = "#c8501e", "#0b6e99"  # than nothing
+MORE, LESS = "#c8501e", "#0b6e99"  # smallest value that is drawn
 
 
 def as_data(found: TwoEyes) -> dict[str, Any]:
-    """What two eyes see, as it stands in a report: for each way to show the picture lists of rows
-    from the top; None for points that not both see, and for depths beyond infinity.
+    """Record for a report: for each content of the display lists of rows from the top.
+
+    None for points that are not seen by both, and for depths beyond infinity.
     """
     told: dict[str, Any] = {"left": found.left, "right": found.right}
     for name in WAYS:
@@ -323,12 +324,12 @@ def _rows(values: Floats) -> list[list[float | None]]:
 
 
 def as_svg(rig: Rig, found: TwoEyes) -> str:
-    """The drawing: a column for each way to show the picture: arrows up and down, arrows aside,
+    """Drawing with a column for each content of the display: vertical arrows, horizontal arrows,
     discs.
 
     Raises
     ------
-    RigError : the picture is no flat rectangle; one sentence
+    RigError : the picture is not a flat rectangle
     """
     across, up = length_of(plane_of(rig).sides)
     size = np.array([WIDTH, WIDTH * up / across])
@@ -372,8 +373,8 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
 
 
 def _scales(sights: list[Sights]) -> dict[str, float]:
-    """The largest disparities, arcmin, and the largest depth that is not beyond infinity, m, of all
-    panels, by the fields of `Sights`.
+    """Largest disparities, arcmin, and largest finite depth, m, of all panels, by field of
+    `Sights`.
     """
     found = {}
     for field, least in LEAST.items():
@@ -383,16 +384,14 @@ def _scales(sights: list[Sights]) -> dict[str, float]:
 
 
 def _places(sights: Sights, size: Floats) -> tuple[Floats, float]:
-    """Where points (n, n, 2) stand in a panel, px, and the length of the longest mark."""
+    """Positions of points (n, n, 2) in a panel, px, and the length of the longest mark."""
     n = len(sights.vertical)
     uv = grid_of(n).reshape(n, n, 2)
     return np.stack([uv[..., 0], 1 - uv[..., 1]], axis=2) * size, LONGEST * size.min() / n
 
 
 def _arrows(sights: Sights, size: Floats, field: str, scales: dict[str, float]) -> list[str]:
-    """Arrows for a disparity: upward where the left eye sees a point higher, to the right where it
-    sees it farther to the right.
-    """
+    """Arrows for a disparity: up or right if the left eye sees a point higher or farther right."""
     places, longest = _places(sights, size)
     along = np.array([0.0, -1.0] if field == "vertical" else [1.0, 0.0])
     beside = np.array([4.0, 4.0] if field == "vertical" else [4.0, 12.0])  # px, for the number
@@ -415,12 +414,12 @@ def _arrows(sights: Sights, size: Floats, field: str, scales: dict[str, float]) 
 
 
 def rounded(value: float) -> str:
-    """A number to a hundredth, without a sign where that is 0."""
+    """A number to two decimals, without a sign if it rounds to 0."""
     return f"{round(value, 2) + 0.0:.2f}"
 
 
 def _discs(sights: Sights, size: Floats, scale: float) -> list[str]:
-    """Discs for depth, by their area: full where a point is seen before the plane."""
+    """Discs with an area proportional to depth: filled in front of the plane."""
     places, longest = _places(sights, size)
     parts = []
     for (x, y), depth in zip(places.reshape(-1, 2), sights.depth.ravel(), strict=True):
@@ -462,8 +461,8 @@ def _depth_words(sights: Sights) -> str:
 
 
 def _embedded(rig: Rig, size: Floats) -> str:
-    """The picture, faded, in its outline; the outline alone where it has no pixels, or its UV map
-    goes beyond them.
+    """The faded picture in its outline; the outline alone without pixels or if the UV map exceeds
+    them.
     """
     frame = (
         f'<rect width="{size[0]:.2f}" height="{size[1]:.2f}" fill="none" stroke="black"'

@@ -1,8 +1,4 @@
-"""What each of several viewers sees of one source image.
-
-Which part of the picture it is, displaced by how much, how like its ideal, and which part of its
-error no source image can remove.
-"""
+"""What each of several viewers sees of one source image: coverage, displacement, PSNR, conflict."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -29,29 +25,29 @@ from ...solve.solution import Solution
 from .places_seen import grid_of
 from .reference import psnr
 
-N_POINTS = 7  # each way, of the picture
+N_POINTS = 7  # points of the picture, each way
 MOST_ROUNDS = 20
 SETTLED_PX = 1e-9  # viewer px
-WHOLE = 0.99  # of a viewer pixel: by less, what it shows is not the picture's alone
+WHOLE = 0.99  # of a viewer pixel: below this it does not show only the picture
 ARCMIN = np.degrees(1.0) * 60
 
 
 @dataclass(frozen=True)
 class ViewerReport:
-    """How one viewer sees a source image.
+    """One viewer's view of a source image.
 
     viewer : its name
-    weight : how much it counts
-    coverage : share of the picture, as it sees it, that the display can show
-    n_points : of the N_POINTS^2 points of the picture, those that it sees
-    mean_px, largest_px : by how much they are displaced, viewer px; None where none is seen, and
-        where each viewer has an image of its own
-    mean_arcmin, largest_arcmin : the same as an angle; None for an orthographic viewer, too
-    psnr : dB, white is 1, of the seen image against the ideal one, where the viewer sees nothing
-        but the picture; None where there is no difference, or nowhere to compare
-    unremovable : rms of linear light, white is 1, by which the display pixels that it sees are
-        off from those it asks for, where they show the weighted mean of what all ask for: no
-        other source image is off by less from all of them
+    weight : its weight
+    coverage : fraction of the picture, as seen, that the display can show
+    n_points : seen points among the N_POINTS^2 points of the picture
+    mean_px, largest_px : displacement, viewer px; None if none is seen, and if each viewer has its
+        own image
+    mean_arcmin, largest_arcmin : the same as an angle; None for an orthographic viewer too
+    psnr : dB, white is 1, of the seen image against the ideal one over pixels that show only the
+        picture; None if there is no difference or nothing to compare
+    unremovable : rms of linear light, white is 1, over the seen display pixels, between the colours
+        this viewer needs and the weighted mean of all viewers; no source image has a smaller error
+        for all
     """
 
     viewer: str
@@ -69,15 +65,16 @@ class ViewerReport:
 def viewer_reports(
     solution: Solution, off: tuple[float, ...] | None = None
 ) -> Generator[float, None, tuple[ViewerReport, ...]]:
-    """A report for each viewer, the worst first: who sees nothing, then by the largest
-    displacement; where none is displaced, by how little the image is like its ideal. Yields
-    progress 0..1.
+    """A report for each viewer, the worst first; yields progress 0..1.
 
-    off : for each viewer as `conflict_in_light` has found it; None: it is looked for here
+    The order is by what is unseen, then by the largest displacement, or by PSNR if nothing is
+    displaced.
+
+    off : for each viewer, from `conflict_in_light`; None to compute it here
 
     Raises
     ------
-    RigError : the picture is no flat rectangle
+    RigError : the picture is not a flat rectangle
     """
     has_own = solution.rig.has_own_images
     if solution.settled is None and len(solution.channels) > 1 and not has_own:
@@ -99,7 +96,7 @@ def _how_good(report: ViewerReport) -> tuple[bool, float, float]:
 
 
 def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport:
-    """The report for the viewer of one channel."""
+    """Report for the viewer of one channel."""
     channel = solution.channels[number]
     viewer = channel.viewer
     seen, straight = displaced(solution, number)
@@ -108,7 +105,7 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
 
     is_eye = viewer.projection == "perspective"
     angle = arcmin_between(viewer, seen, straight) if is_eye else np.full(len(length), np.nan)
-    if solution.rig.has_own_images:  # nothing is displaced towards what others see
+    if solution.rig.has_own_images:  # a single viewer's picture is not moved towards others
         length, angle = np.full((2, len(length)), np.nan)
 
     whole = (cover_in_view(solution.rig.picture_place, viewer) >= WHOLE) & (
@@ -132,29 +129,29 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
 
 
 def arcmin_between(viewer: Viewer, one: Floats, other: Floats) -> Floats:
-    """The angles (n,), arcmin, between the rays through places (n, 2) viewer px; NaN at NaN."""
+    """Angles (n,), arcmin, between the rays through places (n, 2) viewer px; NaN at NaN."""
     along, beside = (viewer.rays(xy)[1] for xy in (one, other))
     across = np.linalg.norm(np.cross(along, beside), axis=1)
     return ARCMIN * np.arctan2(across, dot(along, beside))
 
 
 def _mean_and_largest(values: Floats) -> tuple[float | None, float | None]:
-    """Of those that are numbers; None where there are none."""
+    """Mean and largest of the finite values; None if there are none."""
     known = values[np.isfinite(values)]
     return (float(known.mean()), float(known.max())) if len(known) else (None, None)
 
 
 def displaced(solution: Solution, number: int, n: int = N_POINTS) -> tuple[Floats, Floats]:
-    """Where the viewer of a channel sees n x n points of the picture, and where it would see them
-    with no glass in the way: (n * n, 2) viewer px each, NaN where a point is not seen.
+    """Places (n * n, 2), viewer px, of n x n points of the picture as a channel's viewer sees them.
 
-    A place x of the viewer's image shows the place of the picture that is seen there straight, and
-    the step of the display pixel on which its ray lands. Where that is the point asked for is found
-    by going on by what is missing; the rays are traced.
+    Also their places without glass; NaN if a point is not seen. A place x of the viewer's image
+    shows the place of the picture straight behind it, plus the step of the display pixel on which
+    its ray lands. Iteration by the remaining difference finds the wanted point; its rays are
+    traced.
 
     Raises
     ------
-    RigError : the picture is no flat rectangle, or is seen edge-on
+    RigError : the picture is not a flat rectangle, or is seen edge-on
     """
     channel = solution.channels[number]
     place, viewer = solution.rig.picture_place, channel.viewer
@@ -171,7 +168,7 @@ def displaced(solution: Solution, number: int, n: int = N_POINTS) -> tuple[Float
         landed = _landed(channel, at)
         shown = mapped(way.there, at)[0] + _between(steps, landed)
         missing = (wanted - shown).T
-        # the picture's step as one of the viewer's image
+        # the picture's step in viewer px
         move = mapped(way.back, (mapped(way.there, at)[0].T + missing))[0].T - at
         if not (np.abs(move) > SETTLED_PX).any():
             break
@@ -181,12 +178,12 @@ def displaced(solution: Solution, number: int, n: int = N_POINTS) -> tuple[Float
 
 
 def _on_display(channel: Channel, xy: Floats) -> Floats:
-    """Viewer px (n, 2), NaN where their rays do not land on the display."""
+    """Viewer px (n, 2); NaN if their rays do not land on the display."""
     return np.where(np.isfinite(_landed(channel, xy)).all(axis=1)[:, None], xy, np.nan)
 
 
 def _landed(channel: Channel, xy: Floats) -> Floats:
-    """Display px (n, 2) on which rays through viewer px (n, 2) land; NaN where they do not."""
+    """Display px (n, 2) on which rays through viewer px (n, 2) land; NaN for none."""
     landed = np.full(xy.shape, np.nan)
     known = np.flatnonzero(np.isfinite(xy).all(axis=1))
     if len(known):
@@ -197,8 +194,9 @@ def _landed(channel: Channel, xy: Floats) -> Floats:
 
 
 def _between(values: Floats, at: Floats) -> Floats:
-    """Values (2, n) of an image (2, H, W) between the middles of its pixels, at places (n, 2) px;
-    NaN where one of the four next is, or the place is beyond the image.
+    """Bilinear samples (2, n) of an image (2, H, W) at places (n, 2) px.
+
+    NaN next to a NaN pixel or outside the image.
     """
     height, width = values.shape[1:]
     is_on = ((at >= 0) & (at <= [width, height])).all(axis=1)
@@ -215,11 +213,10 @@ def _between(values: Floats, at: Floats) -> Floats:
 def conflict_in_light(
     solution: Solution,
 ) -> Generator[float, None, tuple[tuple[float, ...], Floats]]:
-    """What of the viewers' errors is left at the weighted mean of the colours that they ask for, by
-    which no source image is off by less from all: rms for each viewer over the display
-    pixels that it sees, and for each display pixel (H, W) over the viewers; linear light.
+    """Error that remains at the weighted mean of the colours that viewers need; linear light.
 
-    Yields progress 0..1.
+    Rms for each viewer over the display pixels it sees, and for each display pixel (H, W) over the
+    viewers. No source image has a smaller error for all. Yields progress 0..1.
     """
     rig, channels = solution.rig, solution.channels
     pyramids = pyramids_of([rig.picture_of(channel.viewer).image for channel in channels])
@@ -247,12 +244,12 @@ def conflict_in_light(
 
 
 def _weight(channel: Channel) -> Floats:
-    """How much each display pixel (H, W) counts for a viewer."""
+    """Weight (H, W) of each display pixel for a viewer."""
     return channel.viewer.weighed(channel.coverage.weight)
 
 
 def _asked_for(channel: Channel, pyramid: Pyramid) -> Steps[Floats]:
-    """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
+    """Colours (H, W, 3) that one viewer alone needs, linear."""
     painting = Painting(channel.shares.display_size)
     place = channel.plan.rig.place_of(channel.viewer)
     for shares in channel.shares.pausing():
@@ -264,25 +261,25 @@ def _asked_for(channel: Channel, pyramid: Pyramid) -> Steps[Floats]:
 
 
 TILT = np.radians(5.0)  # of the edge, from the picture's height
-PARTS = 4  # of a pixel, by which the edge is sampled
-PADDED = 1 << 14  # parts, for fine steps of frequency
-DARK, BRIGHT = 0.25, 0.75  # linear light beside the edge
+PARTS = 4  # of a pixel, sampling of the edge
+PADDED = 1 << 14  # samples, for a fine frequency scale
+DARK, BRIGHT = 0.25, 0.75  # linear light on either side of the edge
 SIDE = 1024  # picture px
 N = 3  # places each way, of the picture
-REACH = 0.12  # of the picture as it is seen, to each side of a place
+REACH = 0.12  # of the picture as seen, to each side of a place
 FEWEST = 8  # viewer px each way, and rows
 
 
 def mtf50(light: Floats) -> float | None:
-    """The lowest frequency, cycles / px, at which the contrast of a slanted edge is 50 %.
+    """Lowest frequency, cycles / px, at which the contrast of a slanted edge falls to 50 % (MTF50).
 
-    light : (h, w) linear light around an edge that goes from the first row to the last, some
-        degrees off upright; NaN where it is not known: such rows are left out
+    light : (h, w) linear light around an edge from the first row to the last, some degrees off
+        upright; rows with NaN are left out
 
-    None where there are too few rows, no edge, or where the contrast is 50 % at no frequency below
-    that of the parts, PARTS / 2. The pixels' own blur counts; that of the parts does not.
+    None if there are too few rows, no edge, or no such frequency below PARTS / 2. The blur of the
+    pixels counts, the blur of the sampling does not.
 
-    Source: ISO 12233, slanted edge: distances from the line through the rows' middles, sampled
+    Source: ISO 12233, slanted edge: distances from the line through the rows' centres, sampled
     PARTS times a pixel, differentiated, windowed (Hamming), transformed.
     """
     known = np.isfinite(light).all(axis=1)
@@ -314,7 +311,7 @@ def mtf50(light: Floats) -> float | None:
     line = np.diff(spread) * np.hamming(2 * reach - 1)
     contrast = np.abs(np.fft.rfft(line, PADDED))
     frequencies = np.fft.rfftfreq(PADDED, 1 / PARTS)
-    # the mean over a part, and the difference of two parts
+    # blur of a sample, and of the difference of two samples
     contrast /= contrast[0] * np.sinc(frequencies / PARTS) ** 2
     below = np.flatnonzero(contrast < 0.5)
     if not len(below):
@@ -324,8 +321,9 @@ def mtf50(light: Floats) -> float | None:
 
 
 def edge_image() -> Floats:
-    """A picture (SIDE, SIDE, 4) float32, linear RGBA: N edges that are tilted by TILT, through the
-    middles of N columns, dark and bright between them by turns.
+    """A picture (SIDE, SIDE, 4) float32, linear RGBA: N dark and bright columns with edges tilted
+    by
+    TILT.
     """
     y, x = np.mgrid[:SIDE, :SIDE] + 0.5 - SIDE / 2
     away = x * np.cos(TILT) + y * np.sin(TILT)
@@ -340,18 +338,17 @@ def edge_image() -> Floats:
 def sharpness(
     session: Session, rig: Rig, settings: Settings
 ) -> Generator[float, None, tuple[float | None, ...]]:
-    """For each viewer of a rig the MTF50, cycles / viewer px, of slanted edges in the picture's
-    place, the mean over N x N places, seen of a source image that is solved for all viewers;
-    yields progress 0..1.
+    """MTF50, cycles / viewer px, of slanted edges in the picture's place, for each viewer.
 
-    session : one that has solved the rig knows all rays, and only paints
+    It is the mean over N x N places, seen of a source image solved for all viewers; None if `mtf50`
+    finds none. Viewers with images of their own are measured with the same edges. Yields progress
+    0..1.
 
-    None where `mtf50` finds none at any place. Of images that are one viewer's alone it is as if
-    all saw the same edges.
+    session : one that has solved the rig only paints
 
     Raises
     ------
-    RigError : as `Session.solve`; the picture is no flat rectangle
+    RigError : from `Session.solve`, or the picture is not a flat rectangle
     """
     of_edges = replace(rig, pictures=(rig.picture_place.showing(edge_image()),))
     solution = yield from session.solve(of_edges, settings)
@@ -359,7 +356,7 @@ def sharpness(
 
 
 def _of_viewer(solution: Solution, number: int) -> float | None:
-    """The mean MTF50 of the edges that the viewer of a channel sees."""
+    """Mean MTF50 of the edges that a channel's viewer sees."""
     channel = solution.channels[number]
     place, viewer = solution.rig.picture_place, channel.viewer
     middles, straight = displaced(solution, number, N)

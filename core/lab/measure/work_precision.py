@@ -1,5 +1,4 @@
-"""Error against run time and memory: a rig solved at a ladder of tolerances, next to the
-brute-force splat at a ladder of samples.
+"""Error against run time and memory: solves at several tolerances, and the brute-force splat.
 
 core/lab/measure/reference.py makes the reference.
 """
@@ -37,11 +36,11 @@ GLARES = (0.0, 0.5, 1.0)
 
 
 class MeasuredChoice(NamedTuple):
-    """One way to settle the colours of display pixels that
-    are seen several times, or beside the glass.
+    """One way to choose the colour of display pixels that are seen several times, or past the
+    glass.
 
-    seen_psnr : dB, white is 1: all of the viewer's image, light beside the glass
-        included, against the ideal image; None where they are the same
+    seen_psnr : dB, white is 1: all of the viewer's image, light past the glass included, against
+        the ideal image; None if they are equal
     """
 
     ghosts: str
@@ -52,10 +51,10 @@ class MeasuredChoice(NamedTuple):
 def measure_choices(
     rig: Rig, settings: Settings
 ) -> Generator[float, None, tuple[MeasuredChoice, ...]]:
-    """Solve a rig both ways of Ghosts, and with some
-    weights of Suppress Glare; yields progress 0..1.
+    """Solve a rig with both Ghosts modes and several values of Suppress Glare; yields progress
+    0..1.
 
-    Glare is left out where light beside the glass carries the picture, too.
+    Glare is left out if light past the glass carries the picture too.
     """
     glares = GLARES if settings.only_through_glass else ()
     ways = dict.fromkeys([
@@ -73,7 +72,7 @@ def measure_choices(
         solution = yield from subprogress(
             session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways)
         )
-        first = first or solution  # its map knows light beside the glass: all are seen through that
+        first = first or solution  # its map includes light past the glass, for all choices
         seen = first.seen(solution.source, beside=True)
         found.append(MeasuredChoice(ghosts, glare, psnr(seen - first.ideal())))
 
@@ -85,18 +84,17 @@ Size = tuple[int, int]  # (width, height), px
 
 @dataclass(frozen=True)
 class Rung:
-    """One way to make a source image, its time and its error. None: not known, or not run.
+    """One way to make a source image, its time and its error; None for unknown or not run.
 
     Parameters
     ----------
     setting : tolerance in display px, or samples a pixel
-    seconds : median of `runs` runs, from the plan to the
-        source image with its own estimate of errors
+    seconds : median of `runs` runs, from the plan to the source image with its own error estimate
     predicted_seconds : of a splat that was not run
     repaint_seconds : median, for another picture with nothing else changed
-    parts : (name, median seconds) of the solve's parts, the plan included
+    parts : (name, median seconds) of the stages, the plan included
     n_rays : rays traced
-    maps : the error of each viewer's map; the splat has none
+    maps : error of each viewer's map; none for the splat
     """
 
     method: Literal["adaptive", "splat"]
@@ -117,22 +115,20 @@ class WorkPrecision:
 
     Parameters
     ----------
-    rungs : the ladder of tolerances, coarse to fine, then the splat's
-    reference : of all rungs. Its map is compared with the trace, and the
-        seen image of its source image with the ideal image
-    tessellation_error : rms display px, the same for all rungs; of the viewer that has most
-    quantisation : rms of the changes by rounding in the
-        encoded source image (0..1), by number format
-    tolerance : display px, of the scene itself; one of the rungs
-    read_seconds, write_seconds : medians, for reading the scene and
-        writing the source image; None: not measured
-    peak_memory : bytes, the most that the whole process has
-        held up to the first solve; None: not known
-    n_shown : display pixels that are compared: those that show the picture
+    rungs : tolerances, coarse to fine, then the splat's samples
+    reference : of all rungs. Its map is compared with the trace, and its seen image with the ideal
+        image
+    tessellation_error : rms display px, equal for all rungs; of the viewer with the largest one
+    quantisation : rms rounding of the encoded source image (0..1), by number format
+    tolerance : display px, of the scene; one of the rungs
+    read_seconds, write_seconds : medians, for reading the scene and writing the source image; None:
+        not measured
+    peak_memory : bytes, peak of the whole process up to the first solve; None: unknown
+    n_shown : compared display pixels, which show the picture
     n_checked : points at which each map was compared with the trace
-    times_finer : each way, the display's pixels from which the reference's source image is made
-    picture : which picture the image errors are of
-    choices : the cost or gain of Ghosts and Suppress Glare, with the rig's own picture
+    times_finer : each way, of the display pixels for the reference's source image
+    picture : name of the picture behind the image errors
+    choices : effect of Ghosts and Suppress Glare, with the rig's own picture
     view_sizes : of the viewers' images
     """
 
@@ -154,7 +150,7 @@ class WorkPrecision:
 
     @property
     def own(self) -> Rung:
-        """The rung at the scene's own tolerance."""
+        """The rung at the scene's tolerance."""
         return next(
             rung
             for rung in self.rungs
@@ -167,12 +163,11 @@ class WorkPrecision:
         return [(rung.setting, rung.seconds) for rung in self.rungs if rung.method == "adaptive"]
 
     def splat_seconds(self, source_rmse: float) -> float | None:
-        """About the time of the splat to an error (linear
-        values) of the source image; None: not known.
+        """Time of the splat to a given error (linear values) of the source image, approximate; or
+        None.
 
-        Between its rungs a straight line in logarithms. Beyond the last, error goes as samples to
-        the power -1/2, if no holes are left: as long as there are some it falls faster, and the
-        time is not known.
+        Between rungs it is linear in logarithms. Beyond the last rung, error follows samples to the
+        power -1/2 if no holes are left; with holes it falls faster, and the time is unknown.
         """
         done = [rung for rung in self.rungs if rung.method == "splat" and rung.image]
         if not done or source_rmse <= 0 or done[-1].image.source_rmse <= 0:
@@ -191,24 +186,21 @@ Result = TypeVar("Result")
 
 
 def timed(work: Callable[[], Result]) -> tuple[float, Result]:
-    """Seconds that a call takes, and its result."""
+    """Seconds of a call, and its result."""
     clock = perf_counter()
     result = work()
     return perf_counter() - clock, result
 
 
 def median_seconds(work: Callable[[], object], runs: int) -> float:
-    """Median of so many calls."""
+    """Median of several calls."""
     return median(timed(work)[0] for _ in range(runs))
 
 
 def clocked(
     work: Generator[float, None, Result], spent: float, budget: float
 ) -> Generator[float, None, tuple[float, Result]]:
-    """Seconds of the steps of long work, and its result.
-
-    Yields how much of the budget (s) is spent, 0..1.
-    """
+    """Seconds of long work, and its result; yields the spent fraction of the budget (s), 0..1."""
     seconds = 0.0
     while True:
         clock = perf_counter()
@@ -221,9 +213,7 @@ def clocked(
 
 
 def peak_memory() -> int | None:
-    """Bytes that this process has held at most so far; None
-    where the system does not tell (Windows).
-    """
+    """Peak memory of this process, bytes; None on Windows, which does not report it."""
     try:
         import resource  # Unix only
     except ImportError:
@@ -234,19 +224,19 @@ def peak_memory() -> int | None:
 
 
 BUDGET = 60.0  # s for the splat
-REFERENCE_FINER = 10.0  # than the finest rung is the reference
-REFERENCE_EFFORT = 16  # times that of the rungs has the reference, where light is chaotic
-LONG_SPLAT_S = 0.5  # s: a splat that takes longer is run once for each of the two pictures
+REFERENCE_FINER = 10.0  # ratio of the finest rung's tolerance to the reference's
+REFERENCE_EFFORT = 16  # ratio of the reference's Effort to the rungs', for chaotic light
+LONG_SPLAT_S = 0.5  # s: a longer splat runs once for each of the two pictures
 
 
 @dataclass(frozen=True)
 class Ladders:
-    """The rungs that are measured, and how often.
+    """Rungs to measure, and the number of runs.
 
     tolerances : display px; the settings' own is added
     spps : samples a pixel of the splat, rising
-    runs : runs of each rung, of which the median counts; of a long splat two or one
-    budget : s for all runs of the splat; rungs that would exceed it are listed as not run
+    runs : of each rung, for the median; fewer for a long splat
+    budget : s for all runs of the splat; rungs beyond it are listed as not run
     """
 
     tolerances: tuple[float, ...] = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
@@ -255,9 +245,9 @@ class Ladders:
     budget: float = BUDGET
 
     def with_tolerance(self, own: float) -> tuple["Ladders", float]:
-        """With the scene's own tolerance among the others, coarse to fine, and that tolerance.
+        """Tolerances including the scene's own, coarse to fine, and the scene's own.
 
-        Blender has it in single precision: one that is almost the same is taken for it.
+        Blender stores it in single precision, so an almost equal one is taken as the same.
         """
         own = next((t for t in self.tolerances if isclose(t, own, rel_tol=1e-6)), own)
         tolerances = tuple(sorted({*self.tolerances, own}, reverse=True))
@@ -276,9 +266,8 @@ def measure(
 
     Parameters
     ----------
-    picture : (h, w, 4) linear, nowhere black; shown in the
-        place of the rig's own. None: a zone plate
-    read, write : read the scene; write a source image (H, W, 3): timed if given
+    picture : (h, w, 4) linear, nowhere black; replaces the rig's own. None: a zone plate
+    read, write : read the scene, write a source image (H, W, 3); timed if given
 
     Raises
     ------
@@ -289,13 +278,13 @@ def measure(
     own_settings.check()
     rig.check()
 
-    # a margin would fill holes; the splat knows neither glare nor paths, of which `choices` tells
+    # A margin would fill holes. The splat has neither glare nor paths; `choices` covers those.
     settings = replace(own_settings, margin=0, suppress_glare=0.0, ghosts="mean")
     ladders, own = (ladders or Ladders()).with_tolerance(settings.tolerance)
     detailed, dotted, about = pictures(rig, picture)
 
     yield from subprogress(Session().solve(rig, settings), 0.0, 0.03)
-    memory = peak_memory()  # before the reference, which takes more than any solve
+    memory = peak_memory()  # before the reference, which needs more than any solve
     finest = _finest(settings, ladders)
     reference = yield from subprogress(make_reference(detailed, dotted, finest), 0.03, 0.15)
 
@@ -337,8 +326,8 @@ def _finest(settings: Settings, ladders: Ladders) -> Settings:
     return replace(
         settings,
         tolerance=max(ladders.tolerances[-1] / REFERENCE_FINER, LEAST_TOLERANCE),
-        # samples are at the same places in each solve of the same effort:
-        # their noise would not be seen
+        # Samples have the same places in each solve of the same effort, so their noise would
+        # cancel.
         effort=min(REFERENCE_EFFORT * settings.effort, MOST_EFFORT),
     )
 
@@ -346,15 +335,13 @@ def _finest(settings: Settings, ladders: Ladders) -> Settings:
 def _adaptive(
     detailed: Rig, dotted: Rig, settings: Settings, reference: Reference, ladders: Ladders
 ) -> Generator[float, None, list[Rung]]:
-    """Rungs of the ladder of tolerances. A solve runs to its end
-    in one step: time between steps is not its own.
-    """
+    """Rungs of the tolerances. Each solve runs in one step, so that pauses are not measured."""
     tolerances, runs = ladders.tolerances, ladders.runs
     rungs: list[Rung] = []
     times: list[list[dict[str, float]]] = [[] for _ in tolerances]
     repaints: list[list[float]] = [[] for _ in tolerances]
 
-    for run in range(runs):  # all tolerances in turn: other work of the machine meets them alike
+    for run in range(runs):  # all tolerances in turn, so that other load affects them alike
         for k, tolerance in enumerate(tolerances):
             session = Session()
             here = replace(settings, tolerance=tolerance)
@@ -378,13 +365,13 @@ def _adaptive(
 
 
 def _unmeasured(tolerance: float, solution: Solution, reference: Reference) -> Rung:
-    """A rung of the ladder of tolerances without its times."""
+    """A rung of the tolerances without its times."""
     maps = reference.map_errors([channel.view_map for channel in solution.channels])
     return Rung("adaptive", tolerance, n_rays=solution.n_rays, maps=maps)
 
 
 def _medians(times: list[dict[str, float]]) -> dict[str, Any]:
-    """Times of a rung, from the seconds by part of its runs."""
+    """Times of a rung, from the seconds by stage of its runs."""
     return {
         "seconds": median(
             sum(seconds for part, seconds in run.items() if part not in BUILD) for run in times
@@ -395,13 +382,15 @@ def _medians(times: list[dict[str, float]]) -> dict[str, Any]:
 
 
 def _splats(reference: Reference, ladders: Ladders) -> Generator[float, None, list[Rung]]:
-    """Rungs of the brute-force splat, for the first viewer, as far as the budget
-    goes; each run is of one of the two pictures.
+    """Rungs of the brute-force splat for the first viewer, within the budget.
 
-    Where it goes to one run only, that is of the picture of fine detail.
+    Each run paints one of the two pictures; a single run paints the zone plate.
     """
     first = reference.channels[0]
-    plans = first.plan, replace(first.plan, rig=reference.dotted)  # the same is traced
+    plans = (
+        first.plan,
+        replace(first.plan, rig=reference.dotted),
+    )  # both pictures trace the same rays
     n_rays = first.plan.viewer.width * first.plan.viewer.height
     budget = ladders.budget
     seconds_a_sample = first.seconds_a_ray * n_rays
@@ -434,7 +423,7 @@ def _splats(reference: Reference, ladders: Ladders) -> Generator[float, None, li
 
 
 def _n_runs(spent: float, predicted: float, ladders: Ladders) -> int:
-    """How often a rung of the splat is run that takes so many seconds, after so many."""
+    """Number of runs of a splat rung, given its seconds and those already spent."""
     if spent + 2 * predicted > ladders.budget:
         return 1
     return 2 if predicted > LONG_SPLAT_S else max(ladders.runs, 2)
