@@ -1,8 +1,7 @@
-"""The overlay: the light's way through the rig, drawn over the viewport while the Kiriko tab is
-open.
+"""The overlay: light paths through the rig, drawn over the viewport while the Kiriko tab is open.
 
-All of it is plain data that `operators/sketcher.py` keeps up to date; here it is only handed to the
-GPU. Nothing is read, traced or changed while a viewport is drawn.
+`operators/sketcher.py` keeps its plain data up to date. This room only hands them to the GPU:
+nothing is read, traced or changed while a viewport is drawn.
 """
 
 from collections.abc import Callable
@@ -15,17 +14,17 @@ from ...operators.sketcher import SketchDrawing
 from . import batches, colours, lines, overlay_text, pointer
 from .view_handlers import ViewHandlers
 
-_failed: list[str] = []  # reasons why it is not drawn any more, until Kiriko is enabled anew
+_failed: list[str] = []  # errors that switched the overlay off, until Kiriko is enabled again
 
 
 def draw_in_space() -> None:
-    """Called by Blender for each viewport, within the scene."""
+    """Draw within the scene; Blender calls it for each viewport."""
     _draw(lines.draw)
     _draw(lines.draw_contours, sketcher.looks_through)
 
 
 def draw_in_pixels() -> None:
-    """Called by Blender for each viewport, over it."""
+    """Draw over the pixels; Blender calls it for each viewport."""
     _draw(overlay_text.draw)
 
 
@@ -35,7 +34,7 @@ def _draw(
         lambda scene, area: sketcher.is_looked_at(area)
     ),
 ) -> None:
-    """Draw in a viewport that wants it. An error ends the overlay, not the drawing of Blender."""
+    """Draw in a viewport that wants it. An error ends the overlay, not Blender's drawing."""
     context = bpy.context
     if _failed or not context.window_manager.kiriko.show_overlay:
         return
@@ -48,12 +47,12 @@ def _draw(
     try:
         function(context, drawing, colours.FAINT if sketcher.is_faint(context.scene) else 1.0)
     except Exception as error:
-        # which prints errors that were not foreseen
+        # also prints unexpected errors
         _failed.append(telling.sentence(error, Message("The overlay")))
 
 
 def draw_toggle(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """One line in the viewport's overlays."""
+    """Add a line to the viewport's Overlays menu."""
     menu.layout.prop(context.window_manager.kiriko, "show_overlay")
 
 
@@ -61,7 +60,7 @@ _handlers = ViewHandlers(POST_VIEW=draw_in_space, POST_PIXEL=draw_in_pixels)
 
 
 def register() -> None:
-    """Begin to draw."""
+    """Start drawing."""
     _failed.clear()
     pointer.register()
     _handlers.begin()
@@ -69,7 +68,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Draw no more."""
+    """Stop drawing."""
     bpy.types.VIEW3D_PT_overlay.remove(draw_toggle)
     _handlers.end()
     pointer.unregister()

@@ -1,17 +1,17 @@
-"""What was made for the GPU of the last drawings, to be used in each frame again."""
+"""GPU batches of the last drawings, cached from frame to frame."""
 
 from collections.abc import Callable
 from typing import Any
 
 from ...operators.sketcher import SketchDrawing
 
-KEPT = 4  # drawings, of as many scenes in as many windows
+KEPT = 4  # drawings, one for each scene in a window
 
 _made: list[tuple[SketchDrawing, dict[str, Any]]] = []
 
 
 def made_once(drawing: SketchDrawing, name: str, make: Callable[[SketchDrawing], Any]) -> Any:
-    """What `make` makes of a drawing, made when it is first asked for."""
+    """Return `make(drawing)`, cached by drawing and name."""
     things = next((things for known, things in _made if known is drawing), None)
     if things is None:
         things = {}
@@ -22,5 +22,5 @@ def made_once(drawing: SketchDrawing, name: str, make: Callable[[SketchDrawing],
 
 
 def forget() -> None:
-    """Free all of it."""
+    """Free all batches."""
     _made.clear()

@@ -1,6 +1,4 @@
-"""Places of labels over a viewport: not on each other, nor on Blender's own controls, nor on the
-picture if there is another place.
-"""
+"""Label placement: labels avoid each other, Blender's controls and, if possible, the picture."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,17 +10,17 @@ from ...core.base.arrays import Floats
 from ...operators.framing import window_of
 
 GAP_PX = 8  # between a place and its label
-LINE = 1.35  # of the height of letters, from line to line
-N_LINES = 4  # up and down that a label moves at most
-# Blender's navigation gizmo and, below it, its buttons, at the upper right; its text at the left
+LINE = 1.35  # line spacing, in heights of letters
+N_LINES = 4  # lines a label may move up or down
+# navigation gizmo with its buttons below at the upper right; viewport text at the upper left
 BUTTONS_PX = 50, 160
 TEXT_INFO_PX = 250, 60
 GIZMO_MARGIN_PX = 20
 
 
 class Obstacles(NamedTuple):
-    """Boxes (2, 2) px that labels avoid, those of the picture if they can, and the box (2, 2) of
-    the region that nothing covers.
+    """Boxes to avoid, boxes of pictures to avoid if possible, and the free part of the region;
+    each (2, 2) px.
     """
 
     fixed: tuple[Floats, ...]
@@ -31,7 +29,7 @@ class Obstacles(NamedTuple):
 
 
 class Sized(NamedTuple):
-    """A label's extent (2,) px, at a place (2,)."""
+    """A label with its anchor (2,) and its extent (2,), px."""
 
     text: str
     place: Floats
@@ -39,7 +37,7 @@ class Sized(NamedTuple):
 
 
 def controls_of(context: bpy.types.Context) -> Obstacles:
-    """The free part of a viewport's region, and Blender's controls within."""
+    """The free part of a viewport's region and Blender's controls in it."""
     window = window_of(context.area)
     free = np.array(
         [
@@ -66,8 +64,9 @@ def controls_of(context: bpy.types.Context) -> Obstacles:
 def box_for(
     label: Sized, taken: list[tuple[str, Floats]], obstacles: Obstacles, scale: float
 ) -> Floats | None:
-    """A free box (2, 2) px for a label next to its place; None if there is none, or the same words
-    are there already.
+    """A free box (2, 2) px for a label near its anchor; None if there is no room, or the same text
+    is
+    already there.
     """
     for avoided in (obstacles.pictures, ()):
         for box in _tries(label, avoided, scale):
@@ -82,7 +81,7 @@ def box_for(
 
 
 def _tries(label: Sized, avoided: tuple[Floats, ...], scale: float) -> Iterator[Floats]:
-    """Boxes next to a place, the nearest first; then those above and below what is avoided."""
+    """Boxes near the anchor, the nearest first, then boxes above and below the pictures."""
     gap = GAP_PX * scale
     width, height = label.extent
     for n in range(N_LINES + 1):

@@ -1,4 +1,4 @@
-"""Lines in the scene, in front of everything."""
+"""Lines in the scene, drawn in front of everything."""
 
 import bpy
 import gpu
@@ -18,14 +18,14 @@ def draw(context: bpy.types.Context, drawing: SketchDrawing, alpha: float) -> No
 
 
 def draw_contours(context: bpy.types.Context, drawing: SketchDrawing, alpha: float) -> None:
-    """Draw the contours of the glass, which may have the colour of what is behind it."""
+    """Draw the outline of the glass, which may have the colour of its background."""
     _draw_batches(context, made_once(drawing, "contours", _batches_of_contours), alpha)
 
 
 def _draw_batches(
     context: bpy.types.Context, batches: list[tuple[Strokes, object]], alpha: float
 ) -> None:
-    """Draw strokes by their batches."""
+    """Draw strokes with their batches."""
     shader = gpu.shader.from_builtin(SHADER)
     scale = context.preferences.system.ui_scale
     region = context.region
@@ -54,7 +54,7 @@ def _batches_of(drawing: SketchDrawing) -> list[tuple[Strokes, object]]:
 
 
 def _batches_of_contours(drawing: SketchDrawing) -> list[tuple[Strokes, object]]:
-    """The same of the glass's contours."""
+    """The strokes of the glass's outline, each with its batch."""
     return _with_batches(contour_strokes(drawing))
 
 

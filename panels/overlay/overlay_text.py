@@ -1,4 +1,4 @@
-"""Words and marks over the viewport: reasons, distances, the ends of the light's ways."""
+"""Labels and marks over the viewport: reasons for lost light, distances, ends of light paths."""
 
 from collections.abc import Iterator
 
@@ -23,14 +23,14 @@ FONT = 0
 CROSS_PX = 5  # half of a cross
 DOT_PX = 3.5  # radius
 ARROW_PX = 8, 2.5  # length of an arrowhead, and half its width
-LEAST_PX = 40  # a dimension line shorter than this gets neither arrowheads nor words
+LEAST_PX = 40  # shorter dimension lines have no arrowheads
 ROUND = np.stack(
     [f(np.linspace(0, 2 * np.pi, 16, endpoint=False)) for f in (np.cos, np.sin)], axis=1
 )
 
 
 def draw(context: bpy.types.Context, drawing: SketchDrawing, alpha: float) -> None:
-    """Draw the marks of a drawing, and its words over them."""
+    """Draw the marks of a drawing, then its labels."""
     scale = context.preferences.system.ui_scale
     arrows = [
         line
@@ -50,7 +50,7 @@ def draw(context: bpy.types.Context, drawing: SketchDrawing, alpha: float) -> No
 def _draw_words(
     context: bpy.types.Context, drawing: SketchDrawing, scale: float, alpha: float
 ) -> None:
-    """Draw labels and the names of parts, none over others."""
+    """Draw labels and part names without overlaps."""
     blf.enable(FONT, blf.SHADOW)
     blf.shadow(FONT, 5, *colours.SHADOW, 1.0)
     blf.shadow_offset(FONT, 0, 0)
@@ -78,7 +78,7 @@ def _draw_words(
 
 
 def _picture_boxes(context: bpy.types.Context, drawing: SketchDrawing) -> Iterator[Floats]:
-    """The box (2, 2) px around the outline of the picture."""
+    """The bounding box (2, 2) px of the picture's outline."""
     lines = [line.points for line in drawing.sketch.lines if line.state == "picture"]
     if lines:
         ends = _on_screen(context, np.concatenate(lines) / drawing.metres)
@@ -87,7 +87,9 @@ def _picture_boxes(context: bpy.types.Context, drawing: SketchDrawing) -> Iterat
 
 
 def _names(context: bpy.types.Context) -> Iterator[Label]:
-    """The names of parts that are selected or under the pointer, if Blender shows no own."""
+    """Names of selected parts and of the part under the pointer, unless Blender shows them
+    itself.
+    """
     pointed = pointed_at(context.region)
     for thing in parts_of(context.scene):
         if (thing.select_get() or thing.name == pointed) and not thing.show_name:
@@ -96,14 +98,12 @@ def _names(context: bpy.types.Context) -> Iterator[Label]:
 
 
 def length_now(scene: bpy.types.Scene, drawing: SketchDrawing, length: float) -> float:
-    """A length of a drawing, m, by the scene's unit as it is now: the
-    drawing may have been made before the unit was changed.
-    """
+    """A length of a drawing, m, in the scene's current unit, which may have changed since."""
     return length * length_of_unit(scene) / drawing.metres
 
 
 def _on_screen(context: bpy.types.Context, places: Floats) -> Floats | None:
-    """Where places (n, 3) are in the region, px (n, 2); None where one is behind the view."""
+    """Positions (n, 2) px of points (n, 3) in the region; None if any is behind the view."""
     found = [
         location_3d_to_region_2d(context.region, context.region_data, place.tolist())
         for place in places
@@ -130,7 +130,7 @@ def _dot(place: Floats, scale: float) -> Floats:
 
 
 def _cross(place: Floats, scale: float) -> Floats:
-    """Triangles (4, 3, 2) of two bars that cross, px."""
+    """Triangles (4, 3, 2) of two crossing bars, px."""
     bars = []
     for x, y in ((1.0, 1.0), (1.0, -1.0)):
         along = np.array([x, y]) * CROSS_PX * scale

@@ -1,6 +1,6 @@
-"""The part of a rig under the pointer, whose name the overlay shows.
+"""The part under the pointer, whose name the overlay shows.
 
-Blender reports the pointer's place to gizmos alone: an invisible one notes it, and is never
+Blender reports the pointer's position only to gizmos. An invisible gizmo records it and is never
 selected.
 """
 
@@ -15,12 +15,12 @@ from ...core.blender.data.rigs import active_rig
 from ...operators import sketcher
 from ...operators.framing import corners
 
-# corners of the sides of a box, in Blender's order of them
+# corners of each side of a box, in Blender's order
 SIDES = np.array(
     [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
 )
 
-_pointed_at: dict[int, str] = {}  # by address of the region: name of the part
+_pointed_at: dict[int, str] = {}  # name of the part, by address of the region
 
 
 def pointed_at(region: bpy.types.Region) -> str:
@@ -61,12 +61,12 @@ def _is_within(polygon: Floats, place: Floats) -> bool:
 
 
 class KIRIKO_GT_pointer(bpy.types.Gizmo):
-    """Notes the part under the pointer."""
+    """Records the part under the pointer."""
 
     bl_idname = "KIRIKO_GT_pointer"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Nothing."""
+        """Draw nothing."""
 
     def test_select(self, context: bpy.types.Context, location: tuple[int, int]) -> int:
         region = context.region
@@ -78,7 +78,7 @@ class KIRIKO_GT_pointer(bpy.types.Gizmo):
 
 
 class KIRIKO_GGT_pointer(bpy.types.GizmoGroup):
-    """The invisible gizmo."""
+    """Holds the invisible gizmo."""
 
     bl_label = "Kiriko Part Names"
     bl_space_type = "VIEW_3D"
@@ -98,13 +98,13 @@ CLASSES = (KIRIKO_GT_pointer, KIRIKO_GGT_pointer)
 
 
 def register() -> None:
-    """Begin to note."""
+    """Start recording."""
     for one in CLASSES:
         bpy.utils.register_class(one)
 
 
 def unregister() -> None:
-    """End it."""
+    """Stop recording."""
     for one in reversed(CLASSES):
         bpy.utils.unregister_class(one)
     _pointed_at.clear()

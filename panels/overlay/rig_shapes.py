@@ -1,4 +1,4 @@
-"""The lines and words of a drawing, sorted by their look, in Blender units: plain arrays."""
+"""Lines and labels of a drawing, grouped by style, as plain arrays in Blender units."""
 
 from typing import NamedTuple
 
@@ -9,12 +9,12 @@ from ...core.bench.sketch import Sketch
 from ...operators.sketcher import SketchDrawing
 from . import colours
 
-N_DASHES = 16  # along each edge of the aerial plane
-BEYOND = 1.06  # of the way to a dimension line: so far go the lines that lead to it
+N_DASHES = 16  # along each edge of the display's mid-air image
+BEYOND = 1.06  # length of extension lines, in distances to the dimension line
 
 
 class Strokes(NamedTuple):
-    """Lines of one look: ends (n, 2, 3), colour and alpha, width in px."""
+    """Lines of one style: ends (n, 2, 3), colour and alpha, width in px."""
 
     ends: Floats
     colour: tuple[float, float, float]
@@ -23,7 +23,7 @@ class Strokes(NamedTuple):
 
 
 class Label(NamedTuple):
-    """Words at a place (3,), or a length, m, where that is not None."""
+    """A label at a place (3,): a text, or a length in m."""
 
     place: Floats
     text: str
@@ -32,14 +32,14 @@ class Label(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """The end (3,) of a way: a dot where light arrives, a cross where it is lost."""
+    """The end (3,) of a light path: a dot if the light arrives, a cross if it is lost."""
 
     place: Floats
     has_arrived: bool
 
 
 def strokes_of(drawing: SketchDrawing) -> list[Strokes]:
-    """All lines, those on top last."""
+    """All lines, in drawing order."""
     sketch = drawing.sketch
     aerial, picture, lost, arrives = (
         _segments(sketch, state) for state in ("aerial", "picture", "lost", "arrives")
@@ -57,7 +57,7 @@ def strokes_of(drawing: SketchDrawing) -> list[Strokes]:
 
 
 def contour_strokes(drawing: SketchDrawing) -> list[Strokes]:
-    """The contours of the glass."""
+    """The outline of the glass."""
     if not len(drawing.contours):
         return []
     ends = drawing.contours / drawing.metres
@@ -65,7 +65,7 @@ def contour_strokes(drawing: SketchDrawing) -> list[Strokes]:
 
 
 def labels_of(drawing: SketchDrawing) -> list[Label]:
-    """All words, the most important first."""
+    """All labels, the most important first."""
     sketch = drawing.sketch
     found = [
         Label(note.place, note.text, None, colours.OF_STATE[note.state]) for note in sketch.notes
@@ -78,13 +78,13 @@ def labels_of(drawing: SketchDrawing) -> list[Label]:
 
 
 def marks_of(drawing: SketchDrawing) -> list[Mark]:
-    """The ends of the ways."""
+    """The ends of the light paths."""
     ways = drawing.sketch.light.ways
     return [Mark(way.points[-1] / drawing.metres, way.has_arrived) for way in ways]
 
 
 def arrows_of(drawing: SketchDrawing) -> Floats:
-    """The dimension lines (n, 2, 3), to which arrowheads are drawn."""
+    """The dimension lines (n, 2, 3) with arrowheads."""
     lines = [(d.start + d.beside, d.end + d.beside) for d in drawing.sketch.dimensions]
     return np.array(lines).reshape(-1, 2, 3) / drawing.metres
 
@@ -100,7 +100,7 @@ def _segments(sketch: Sketch, state: str) -> Floats:
 
 
 def _dashed(ends: Floats) -> Floats:
-    """Dashes (m, 2, 3) in the place of lines (n, 2, 3), with one at each end."""
+    """Dashes (m, 2, 3) along lines (n, 2, 3), one at each end."""
     at = np.arange(2 * N_DASHES - 1) / (2 * N_DASHES - 1)
     pairs = np.stack([at, at + at[1]], axis=1)[::2]
     start, end = ends[:, None, None, 0], ends[:, None, None, 1]
@@ -108,7 +108,7 @@ def _dashed(ends: Floats) -> Floats:
 
 
 def _dimension_lines(sketch: Sketch) -> Floats:
-    """Dimension lines, and those that lead to them from the parts (n, 2, 3)."""
+    """Dimension lines and their extension lines (n, 2, 3)."""
     lines = []
     for d in sketch.dimensions:
         lines.append((d.start + d.beside, d.end + d.beside))

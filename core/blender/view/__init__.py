@@ -1,1 +1,1 @@
-"""What 3D views show: framing, looking through the viewer, images on flat parts."""
+"""Contents of 3D views: framing, the view through the viewer, images on flat parts."""

@@ -1,5 +1,5 @@
-"""Contours and creases of a body as a viewer sees them, drawn over glass that has the colour of its
-surroundings.
+"""Outline and creases of glass as a viewer sees them, for glass with the colour of its
+background.
 """
 
 from typing import NamedTuple
@@ -10,19 +10,21 @@ from ...base.arrays import Bools, Floats, Ints
 from ...rig.mesh import Mesh
 from ...rig.viewer import Viewer
 
-CREASE = np.cos(np.radians(30.0))  # facets of a curve meet at less
-MOST = 500_000  # triangles: the edges of more would stop the window for too long
+CREASE = np.cos(np.radians(30.0))  # neighbouring facets of a curve differ by less
+MOST = 500_000  # triangles: larger meshes have no outline, since their edges would block the window
 
 
 class MeshEdges(NamedTuple):
-    """Edges of a mesh: vertices (e, 2) and triangles (e, 2); the second is -1 at an open edge."""
+    """Edges of a mesh: vertices (e, 2) and triangles (e, 2); -1 for the missing one at an open
+    edge.
+    """
 
     vertices: Ints
     triangles: Ints
 
 
 def edges_of(mesh: Mesh) -> MeshEdges:
-    """The edges of a mesh; none of one that is too large."""
+    """The edges of a mesh; none if it is too large."""
     n = len(mesh.triangles)
     if not 0 < n <= MOST:
         return MeshEdges(np.empty((0, 2), int), np.empty((0, 2), int))
@@ -40,8 +42,9 @@ def edges_of(mesh: Mesh) -> MeshEdges:
 
 
 def contours(mesh: Mesh, edges: MeshEdges, viewer: Viewer) -> Floats:
-    """The ends (n, 2, 3) m of the edges at which a body turns away from a viewer, or is open, and
-    of the creases on its front.
+    """Ends (n, 2, 3) m of open edges, of edges where a body turns away from a viewer, and of
+    creases
+    on its front.
     """
     normals, is_front = _facing(mesh, viewer)
     a, b = edges.triangles.T

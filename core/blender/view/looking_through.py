@@ -1,9 +1,8 @@
-"""A 3D view that looks through the viewer, in Cycles.
+"""A 3D view through the viewer, in Cycles.
 
-All settings that are changed for it are kept as text, to be put back: in the scene, and those of
-objects and cameras on the things themselves, so that they are found under any later name. Blender's
-own answer to whether a view shows an object is as old as its last update, so nothing is left out
-because of it.
+The scene stores the changed settings as text; objects and cameras store their own, so a rename does
+not matter. Every object is changed, visible or not, because Blender's visibility is only as recent
+as its last update.
 """
 
 from collections.abc import Iterable
@@ -24,8 +23,9 @@ from .view_framing import Window, image_framed
 
 
 def widen(space: bpy.types.SpaceView3D) -> tuple[list[str], list[str]]:
-    """Have a view in local view show all objects; returns the names of those it showed alone, and
-    of all that it shows now: none for a view that is not in local view.
+    """Show all objects in a view in local view.
+
+    Returns the names shown before and the names shown now; none if the view is not in local view.
     """
     layer = _layer(space)
     things = [] if layer is None else list(layer.objects)
@@ -36,18 +36,17 @@ def widen(space: bpy.types.SpaceView3D) -> tuple[list[str], list[str]]:
 
 
 def narrow(space: bpy.types.SpaceView3D, names: Iterable[str], widened: Iterable[str]) -> None:
-    """Have a view that is still in local view show the objects of these names alone; all, where
-    none of them is left.
+    """Show only the named objects in a view in local view; all objects if none of them is left.
 
-    One that leaves out any of those that it was widened to is another local view, which the artist
-    has entered since: it stays.
+    If the view now hides any of the objects in `widened`, the artist has entered another local
+    view, which stays.
     """
     layer = _layer(space)
     if layer is None:
         return
     kept, then = set(names), set(widened)
     for thing in layer.objects:
-        # of a type that this view shows not at all Blender 4.2 tells nothing
+        # Blender 4.2 gives no answer for object types that the view hides
         is_seen_else = getattr(space, f"show_object_viewport_{thing.type.lower()}", True)
         is_ours = thing.name in then and is_seen_else and is_visible(thing, layer)
         if is_ours and not _shows(space, thing):
@@ -58,29 +57,28 @@ def narrow(space: bpy.types.SpaceView3D, names: Iterable[str], widened: Iterable
 
 
 def _shows(space: bpy.types.SpaceView3D, thing: bpy.types.Object) -> bool:
-    """Does a view in local view show an object? Blender 4.2 says of none that it is in local view,
-    but whether it is seen.
+    """Whether a view in local view shows an object. Blender 4.2 reports its visibility instead of
+    its
+    membership in the local view.
     """
     return thing.local_view_get(space) or thing.visible_get(viewport=space)
 
 
 def _layer(space: bpy.types.SpaceView3D) -> bpy.types.ViewLayer | None:
-    """The view layer of which a view in local view shows objects; None for one that is in none, or
-    in no window.
-    """
+    """The view layer of a view in local view; None if it is not in local view or in no window."""
     window = None if space.local_view is None else window_showing(space)
     return None if window is None else window.view_layer
 
 
 def is_dark(scene: bpy.types.Scene) -> bool:
-    """Are there no lights, and is the world black? Objects that shine are not asked."""
+    """Whether a scene has no lights and a black world; emissive objects do not count."""
     if any(thing.type == "LIGHT" and is_visible(thing) for thing in scene.objects):
         return False
     return scene.world is None or _is_black(scene.world)
 
 
 def _is_black(world: bpy.types.World) -> bool:
-    """Does a world give no light? One that is made of more nodes than a background may."""
+    """Whether a world emits nothing; worlds with more nodes than a background count as bright."""
     has_nodes = bpy.app.version >= (5, 0) or world.use_nodes
     if not has_nodes or world.node_tree is None:
         return not any(world.color)
@@ -98,7 +96,7 @@ def _is_black(world: bpy.types.World) -> bool:
     return is_off or (not color.is_linked and not any(color.default_value[:3]))
 
 
-SAMPLES = 16  # a pixel: the light of the display has no noise, and reflections are denoised
+SAMPLES = 16  # a pixel: the display's light has no noise, and the denoiser cleans reflections
 SCENE = {
     "render.engine": "CYCLES",
     "cycles.preview_samples": SAMPLES,
@@ -116,25 +114,25 @@ SCENE = {
     "cycles.sample_clamp_direct": 0.0,
     "cycles.sample_clamp_indirect": 0.0,
 }
-# leaves colours as they are exported; a colour configuration of the user's own has its views
+# colours as exported; a custom colour configuration has its own views
 VIEW = {"view_settings.look": "None", "view_settings.view_transform": "Standard"}
-# of a picture's plane, which would stand before the light that makes the picture
+# of the picture's plane, which would block the display's light
 PLANE = dict.fromkeys(
     (f"visible_{ray}" for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")), False
 )
-LOOKING_MARK = "kiriko_looking"  # on an object or a camera: key of the look, and its changes
-# of a view of a scene without light, in which nothing but the picture would be seen of the glass
+LOOKING_MARK = "kiriko_looking"  # key and changes, stored on an object or a camera
+# a studio light for scenes without light, where only the picture would be visible
 FAINT = {
     "shading.use_scene_world_render": False,
     "shading.studiolight_intensity": 0.1,
     "shading.studiolight_background_alpha": 0.0,
 }
-LOCAL = "local view"  # objects that a view showed alone
-POSE = ("view_location", "view_rotation", "view_distance")  # which Blender moves with the camera
+LOCAL = "local view"  # objects of the previous local view
+POSE = ("view_location", "view_rotation", "view_distance")  # Blender moves them with the camera
 
 
 def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> None:
-    """Have a 3D view of a screen look through the scene's viewer; all of it, or nothing."""
+    """Turn a 3D view to the scene's viewer; on an error nothing is changed."""
     viewer = viewer_of(scene)
     if viewer is None:
         raise no_camera()
@@ -148,7 +146,7 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
         for thing in scene.objects:
             if thing.kiriko.role == "NONE" or not thing.is_editable:
                 continue
-            if is_elsewhere(thing):  # it would stand in the light's way
+            if is_elsewhere(thing):  # it would block the light
                 _change(key, thing, {"hide_viewport": True})
             elif thing.kiriko.role == "PICTURE":
                 _change(key, thing, PLANE)
@@ -164,9 +162,9 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
 
 
 def _change(key: str, thing: bpy.types.ID, values: dict[str, Any]) -> None:
-    """Change an object or a camera, which keeps the changes itself.
-
-    Where another scene looks at it, too, that one's record goes on in this.
+    """Change an object or a camera, which stores the changes itself. A record of another scene's
+    view
+    is continued.
     """
     before = Changed.read(thing.get(LOOKING_MARK, "")).changes
     changes = [*before, *map(list, change(thing, values))]
@@ -175,7 +173,7 @@ def _change(key: str, thing: bpy.types.ID, values: dict[str, Any]) -> None:
 
 
 def things(scene: bpy.types.Scene) -> list[tuple[bpy.types.ID, str]]:
-    """Objects and cameras that the look through the scene's viewer has marked, with their texts."""
+    """Objects and cameras changed by the scene's view, with their stored texts."""
     return _marked(Changed.read(scene.kiriko_scene.looking).rig)
 
 
@@ -189,7 +187,7 @@ def _marked(key: str) -> list[tuple[bpy.types.ID, str]]:
 
 
 def _put_things_back(key: str) -> None:
-    """Objects and cameras, and copies that were made of them meanwhile."""
+    """Restore objects and cameras, and copies made of them since."""
     for thing, text in _marked(key):
         put_back(thing, Changed.read(text).changes)
         del thing[LOOKING_MARK]
@@ -198,12 +196,12 @@ def _put_things_back(key: str) -> None:
 def _enter_view(
     scene: bpy.types.Scene, viewer: bpy.types.Object, space: Any, window: Window
 ) -> list[Change]:
-    """Change a 3D view alone: the scene's own camera stays what it is."""
+    """Change only a 3D view; the scene keeps its camera."""
     view = space.region_3d
     pose = [(f"region_3d.{name}", _plain(getattr(view, name)), None) for name in POSE]
     before = [space.use_local_camera, space.camera.name if space.camera else ""]
     space.use_local_camera, space.camera = True, viewer
-    own, widened = widen(space)  # the viewer sees the display, too
+    own, widened = widen(space)  # the display has to be visible, too
 
     zoom, offset = image_framed(frame_of(viewer, scene.render).size, window)
     is_faint = space.shading.use_scene_world_render and is_dark(scene)
@@ -227,9 +225,9 @@ def _plain(value: Any) -> Any:
 
 
 def leave(scene: bpy.types.Scene, is_loaded: bool = False) -> None:
-    """Put everything back that nobody has changed since.
+    """Restore every setting nobody has changed since.
 
-    is_loaded : from a file, in which Blender opens no view as Rendered, but as Solid
+    is_loaded : the scene is from a file; Blender opens Rendered views as Solid
     """
     text, scene.kiriko_scene.looking = scene.kiriko_scene.looking, ""
     kept = Changed.read(text)
@@ -244,7 +242,7 @@ def leave(scene: bpy.types.Scene, is_loaded: bool = False) -> None:
 
 
 def views(scene: bpy.types.Scene) -> list[tuple[Any, bpy.types.Object | None]]:
-    """The 3D views that look through the viewer now, with their cameras."""
+    """The 3D views through the viewer, with their cameras."""
     kept = Changed.read(scene.kiriko_scene.looking)
     places = dict.fromkeys(place for place, *_ in kept.changes if place.startswith("screen/"))
     return [(space, space.camera) for place in places for space in _owners(scene, place, kept)]
@@ -256,7 +254,7 @@ def enter_again(
     again: list[tuple[Any, bpy.types.Object | None]],
     marked: list[tuple[bpy.types.ID, str]],
 ) -> None:
-    """Change scene, views and things once more, as after a file was saved without it."""
+    """Repeat the changes of scene, views and objects after a save."""
     scene.kiriko_scene.looking = text
     for thing, own in marked:
         change(thing, {path: after for path, _, after in Changed.read(own).changes})
@@ -274,24 +272,23 @@ def enter_again(
 
 
 def put_views_back(scene: bpy.types.Scene, text: str) -> None:
-    """Put the 3D views back alone, where undo has put back the scene."""
+    """Restore only the 3D views, after undo has restored the scene."""
     kept = Changed.read(text)
     views_only = [one for one in kept.changes if one[0].startswith("screen/")]
     _put_back(scene, Changed(kept.rig, views_only))
 
 
 def _put_back(scene: bpy.types.Scene, kept: Changed) -> None:
-    """By place, path, value before and after; the last one first.
-
-    A view that is another camera's by now is left, and one that
-    was turned away keeps the direction it has.
+    """Restore changes, the last one first. A view with another camera is left alone; a view that
+    was
+    turned away keeps its direction.
     """
     poses = [one for one in kept.changes if one[3] is None]
     for place, path, before, after in reversed(kept.changes):
         for owner in _owners(scene, place, kept):
             if path == "camera":
                 owner.use_local_camera = before[0]
-                # a view without a camera of its own has, and would set, the scene's
+                # without a local camera, setting the view's camera would set the scene's
                 is_local = before[0]
                 owner.camera = bpy.data.objects.get(before[1]) if is_local else scene.camera
             elif path == LOCAL:
@@ -310,13 +307,13 @@ def _turn_back(space: Any, before: str, poses: list[list[Any]]) -> None:
 
 
 def _owners(scene: bpy.types.Scene, place: str, kept: Changed) -> list[Any]:
-    """All that a place of the record stands for: the scene, or
-    those 3D views of a screen that look through the viewer.
+    """The owners at a place of the record: the scene, or the 3D views of a screen through the
+    viewer.
     """
     if not place:
         return [scene]
 
-    # a viewer that was renamed, or deleted since, or is none any more, is known, too
+    # the viewer may have been renamed, deleted or replaced since
     viewers = {None, viewer_of(scene)}
     viewers |= {thing for thing, _ in _marked(kept.rig) if isinstance(thing, bpy.types.Object)}
     viewers |= {bpy.data.objects.get(one[3]) for one in kept.changes if one[1] == "camera"}

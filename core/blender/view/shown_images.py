@@ -1,9 +1,8 @@
-"""The images that a rig's flat parts show in every 3D view: the picture in
-the glass, and the source image on the display.
+"""Images on a rig's flat parts in every 3D view: the picture in the glass, the source image on the
+display.
 
-Solid shows images only by Color: Texture, and nothing but Cycles shows the picture in the glass. An
-empty with an image would stand beside the picture's plane as soon as either is moved or given
-another image. So both are drawn over the view, where the parts are and with what they show.
+Solid mode shows images only with Color: Texture, and only Cycles shows the picture in the glass. An
+empty with an image would not follow the picture's plane. So both images are drawn over the view.
 """
 
 from collections.abc import Iterator
@@ -24,8 +23,8 @@ class ShownImage(NamedTuple):
 
     points : (n, 3) float32 world, Blender units
     uv : (n, 2) float32
-    is_picture : seen from behind, too, and in front of its glass, as a display is not
-    number : of the frame of a moving image; None for one that stands still
+    is_picture : also visible from behind and in front of its glass, unlike a display
+    number : frame of a moving image; None for a still
     """
 
     image: bpy.types.Image
@@ -38,9 +37,8 @@ class ShownImage(NamedTuple):
 def shown_images(
     scene: bpy.types.Scene, layer: bpy.types.ViewLayer, parts: list[bpy.types.Object]
 ) -> Iterator[ShownImage]:
-    """Of those of these objects that are a picture or a display with a source image.
-
-    The scene is taken as it was last evaluated; nothing is changed.
+    """The images of pictures and of displays with a source image among some objects, as last
+    evaluated.
     """
     for thing in parts:
         if thing.type != "MESH" or thing.mode != "OBJECT":

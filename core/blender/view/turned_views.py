@@ -1,6 +1,6 @@
-"""3D views that were turned to the viewer's camera for a while, and show all of its image.
+"""3D views turned to the viewer's camera for a while.
 
-What a view showed before is kept on its screen: undo leaves both alone, and a file has both.
+The screen stores their previous state, since undo ignores screens and files include them.
 """
 
 from collections.abc import Callable
@@ -14,16 +14,14 @@ from ..data.stored_records import Changed
 from .view_framing import Window, image_framed
 
 TURNED_MARK = "kiriko_turned"  # on a screen
-POSE = ("view_location", "view_rotation", "view_distance")  # which Blender moves with the camera
-FRAMING = ("view_camera_zoom", "view_camera_offset")  # of a view by a camera
+POSE = ("view_location", "view_rotation", "view_distance")  # Blender moves them with the camera
+FRAMING = ("view_camera_zoom", "view_camera_offset")  # of a camera view
 
 
 def turn(
     area: bpy.types.Area, scene: bpy.types.Scene, camera: bpy.types.Object, window: Window
 ) -> None:
-    """Have a 3D view, with this window, show a camera's whole image; what it showed at first is
-    kept.
-    """
+    """Show a camera's whole image in a 3D view; the view's first state is stored."""
     space = area.spaces.active
     framing = image_framed(frame_of(camera, scene.render).size, window)
     screen, place = place_of(area)
@@ -40,7 +38,7 @@ def turn(
 
 
 def put_back(is_held: Callable[[Any], bool] = lambda space: False) -> None:
-    """Have all turned views show again what they showed before, but for those that are held."""
+    """Restore all turned views except held ones."""
     for screen in bpy.data.screens:
         if TURNED_MARK not in screen:
             continue
@@ -58,7 +56,7 @@ def put_back(is_held: Callable[[Any], bool] = lambda space: False) -> None:
 
 
 def pause() -> list[tuple[bpy.types.Screen, str, list[tuple[Any, list[Any]]]]]:
-    """Put all views back, as for a file that is saved; `go_on` takes what is returned."""
+    """Restore all views before a file is saved. Pass the result to `go_on`."""
     paused = []
     for screen in bpy.data.screens:
         if TURNED_MARK in screen:
@@ -71,7 +69,7 @@ def pause() -> list[tuple[bpy.types.Screen, str, list[tuple[Any, list[Any]]]]]:
 
 
 def go_on(paused: list[tuple[bpy.types.Screen, str, list[tuple[Any, list[Any]]]]]) -> None:
-    """Turn the views that were paused once more."""
+    """Turn the paused views again."""
     for screen, text, views in paused:
         screen[TURNED_MARK] = text
         for space, shown in views:
@@ -79,7 +77,7 @@ def go_on(paused: list[tuple[bpy.types.Screen, str, list[tuple[Any, list[Any]]]]
 
 
 def _shown(space: Any) -> list[Any]:
-    """What a view shows: whether by a camera of its own, which, perspective, pose and framing."""
+    """State of a view: whether it has a local camera, camera, perspective, pose and framing."""
     view = space.region_3d
     camera = space.camera.name if space.camera else ""
     pose, framing = _values(view, POSE), _values(view, FRAMING)
@@ -109,18 +107,18 @@ def _have_camera(space: Any, is_local: bool, camera: str) -> None:
     if is_local:
         space.camera = bpy.data.objects.get(camera)
         return
-    # a view without a camera of its own has, and would set, the scene's
+    # without a local camera, setting the view's camera would set the scene's
     window = window_showing(space)
     if window is not None:
         space.camera = window.scene.camera
 
 
 def _show_again(space: Any, before: list[Any], after: list[Any]) -> None:
-    """What was shown before, as far as the artist has not chosen another camera or turned away."""
+    """Restore a view's state, unless the artist has chosen another camera or turned away."""
     is_local, camera, fitted = after
     if is_local != space.use_local_camera:
         return
-    # one that has no name any more was deleted or renamed meanwhile
+    # the camera may have been deleted or renamed since
     is_known = bpy.data.objects.get(camera) is not None
     if is_local and is_known and (space.camera is None or space.camera.name != camera):
         return

@@ -1,4 +1,4 @@
-"""Where a 3D view has to stand so that points fill it, as Blender projects them."""
+"""Placement of a 3D view so that points fill it, with Blender's projection."""
 
 from typing import NamedTuple
 
@@ -7,26 +7,27 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats
 
-FILLED = 0.8  # of the view's half width and height, by the points: names stand beside them
-SENSOR = 36.0  # mm, half of a 3D view's at its lens, along the longer side
-ROUNDS = 4  # the middle of what is seen moves with the distance
-LEAST_LEVEL = 1e-3  # a front that is steeper has no side
-LEAST_FREE = 0.2  # of width and height, however much is covered
-IMAGE_FILLED = 0.9  # of what is free, by a camera's image
-ZOOMS = (-30.0, 600.0)  # that a camera view of Blender's may have
+FILLED = 0.8  # part of the half width and height for the points; names need the rest
+SENSOR = 36.0  # mm: half the longer side of Blender's viewport sensor
+ROUNDS = 4  # the centre of the visible part moves with the distance
+LEAST_LEVEL = 1e-3  # a steeper front has no side
+LEAST_FREE = 0.2  # of width and height, even if more is covered
+IMAGE_FILLED = 0.9  # part of the free area for a camera's image
+ZOOMS = (-30.0, 600.0)  # Blender's limits of a camera view's zoom
 SQRT2 = np.sqrt(2.0)
-NEAR = 1e-2  # of the distance: nothing that is framed is cut off, nor what is zoomed to
+NEAR = 1e-2  # of the distance: clip planes far enough for framed points and for zooming
 FAR = 1e2
 
 
-SIDEWAYS, ABOVE = np.radians(30.0), np.radians(20.0)  # of the way to the viewer, for a turned view
-FACING = 0.7  # cosine to the picture's front from which on the picture is well seen
+SIDEWAYS, ABOVE = (
+    np.radians(30.0),
+    np.radians(20.0),
+)  # of a turned view, from the direction of the viewer
+FACING = 0.7  # cosine to the picture's front; from here on the picture is visible enough
 
 
 class Framed(NamedTuple):
-    """The place that a view turns about, its distance
-    from there, and how near and far it has to see.
-    """
+    """Pivot, distance from it, and clip distances of a view."""
 
     centre: Floats
     distance: float
@@ -35,10 +36,9 @@ class Framed(NamedTuple):
 
 
 def turned(axes: Floats, front: Floats) -> Floats:
-    """Axes (3, 3) of a view that sees a picture with this front (3,); its own where they do.
-
-    Rows right, up, back. Else it stands beside the viewer, who sees
-    the picture straight, and above: there no part hides another.
+    """Axes (3, 3), rows right, up, back, of a view of a picture with this front (3,). They stay the
+    same if the picture is visible already. Otherwise the view is from the side of the viewer and
+    from above, so that no part hides another.
     """
     if axes[2] @ front >= FACING:
         return axes
@@ -56,8 +56,8 @@ def turned(axes: Floats, front: Floats) -> Floats:
 
 
 class Window(NamedTuple):
-    """The window of a 3D view: pixels of it, and of those at
-    its sides that sidebars and headers cover; mm of its lens.
+    """Window of a 3D view: its size, the margins under sidebars and headers, px; focal length,
+    mm.
     """
 
     width: int
@@ -71,7 +71,7 @@ class Window(NamedTuple):
 
 
 def framed(points: Floats, axes: Floats, window: Window) -> Framed:
-    """Frame points in the part of a view that nothing covers; its direction stays.
+    """Frame points in the free part of a view; its direction stays.
 
     Parameters
     ----------
@@ -96,11 +96,10 @@ def framed(points: Floats, axes: Floats, window: Window) -> Framed:
 
 
 def in_sight(points: Floats, axes: Floats, stands: Framed, window: Window) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie within what a view shows and nothing covers, wherever things hide
-    them.
+    """Mask (n,) of the points (n, 3) in the free part of a view, whether or not objects hide them.
 
     axes : (3, 3) rows right, up, back of the view
-    stands : where it is; how near and far it sees counts
+    stands : placement of the view, including its clip distances
     """
     size = np.array([window.width, window.height], float)
     scale = window.lens / SENSOR * size.max() / size
@@ -116,13 +115,12 @@ def in_sight(points: Floats, axes: Floats, stands: Framed, window: Window) -> ND
 
 
 def image_framed(image: tuple[int, int], window: Window) -> tuple[float, list[float]]:
-    """Zoom and offset of a camera view in which nothing covers the camera's image (width, height).
+    """Zoom and offset of a camera view with the camera's image (width, height) in the free part.
 
-    Blender shows as much along the window's longer side as the camera sees along its image's, times
-    a factor that it keeps as a zoom.
+    Blender maps the longer side of the image to the longer side of the window, times a zoom factor.
     """
     size = np.array([window.width, window.height], float)
-    shown = size.max() * np.array(image) / max(image)  # at a factor of 1, px
+    shown = size.max() * np.array(image) / max(image)  # px at a factor of 1
     factor = IMAGE_FILLED * (_free(window) * size / shown).min()
     zoom = float(np.clip(50 * (2 * np.sqrt(factor) - SQRT2), *ZOOMS))
     factor = ((zoom / 50 + SQRT2) / 2) ** 2
@@ -130,13 +128,15 @@ def image_framed(image: tuple[int, int], window: Window) -> tuple[float, list[fl
 
 
 def _free(window: Window) -> Floats:
-    """Shares (2,) of a window's width and height that nothing covers."""
+    """Free fractions (2,) of a window's width and height."""
     width = 1 - (window.left + window.right) / window.width
     height = 1 - (window.bottom + window.top) / window.height
     return np.maximum([width, height], LEAST_FREE)
 
 
 def _off_middle(window: Window) -> Floats:
-    """Twice the way from the middle of what is free to the window's, in shares (2,) of its size."""
+    """Twice the offset (2,) from the centre of the free part to the window's centre, in window
+    sizes.
+    """
     x = (window.right - window.left) / window.width
     return np.array([x, (window.top - window.bottom) / window.height])

@@ -1,7 +1,7 @@
-"""How a rig looks in the viewport without a render: glass and plate let see through.
+"""Viewport appearance of a rig without a render: glass and plate are see-through.
 
-Solid draws with the colour of the material by default. So its alpha is the one setting that makes a
-thing see-through in every new file: the object's own colour counts with Color: Object alone.
+By default Solid mode draws the material's colour, so its alpha makes an object see-through in every
+new file. The object's own colour counts only with Color: Object.
 """
 
 import bpy
@@ -10,18 +10,18 @@ import numpy as np
 from ..materials import shaders
 from ..result.on_display import MATERIAL_MARK
 
-GLASS = 0.3  # alpha of glass in Solid: its shape is seen as well as the picture in it
-SEE_THROUGH = 0.5  # alpha of a material up to which it is left as it is
+GLASS = 0.3  # alpha of glass in Solid mode: both its shape and the picture inside are visible
+SEE_THROUGH = 0.5  # materials with a lower alpha are left alone
 PLATE = (0.15, 0.5, 1.0, 0.5)
-PLATE_OPACITY = 0.12  # where EEVEE draws it
+PLATE_OPACITY = 0.12  # in EEVEE
 SCREEN = (0.02, 0.02, 0.03, 1.0)
 
 
 def see_through(thing: bpy.types.Object, glasses: tuple[bpy.types.Object, ...]) -> None:
-    """Let see through a glass in Solid, and remember what was changed.
+    """Make a glass see-through in Solid mode, and store the change.
 
-    A material that others than glasses have, too, is left, and so is one of another file: there the
-    object is drawn by its edges. So is one without a material, which has no colour.
+    An object is drawn as wireframe instead if it has no material, or a material is linked or has
+    other users.
     """
     if not thing.is_editable or not hasattr(thing.data, "materials"):
         return  # such as the instance of a collection
@@ -40,14 +40,14 @@ def see_through(thing: bpy.types.Object, glasses: tuple[bpy.types.Object, ...]) 
 
 
 def draw_as_solid(thing: bpy.types.Object) -> None:
-    """Draw a glass by its faces again, if Add Rig had it drawn by its edges."""
+    """Draw a glass solid again if Add Rig set it to wireframe."""
     if thing.kiriko.is_drawn_by_edges and thing.display_type == "WIRE":
         thing.display_type = "TEXTURED"
     thing.kiriko.property_unset("is_drawn_by_edges")
 
 
 def be_opaque(material: bpy.types.Material) -> None:
-    """Draw a material as before Add Rig made it see-through, if nobody changed it since."""
+    """Restore a material's opacity from before Add Rig, unless somebody changed it since."""
     ours = material.kiriko
     if ours.alpha_before and material.diffuse_color[3] == np.float32(GLASS):
         material.diffuse_color[3] = ours.alpha_before
@@ -55,21 +55,21 @@ def be_opaque(material: bpy.types.Material) -> None:
 
 
 def _is_of(material: bpy.types.Material, own: set[bpy.types.ID]) -> bool:
-    """May a material be changed without a change of others' looks?"""
+    """Whether a material can be changed without changing other objects."""
     users = {user for user in bpy.data.user_map(subset=[material])[material]}
     return material.is_editable and users <= own
 
 
 def be_seen_as_glass(material: bpy.types.Material, ior: float) -> None:
-    """Make clear glass of a material, which lets see through in Solid."""
+    """Turn a material into clear glass, see-through in Solid mode."""
     shaders.be_glass(material, ior, True)
     material.diffuse_color = (0.8, 0.9, 1.0, GLASS)
 
 
 def be_seen_as_plate(material: bpy.types.Material) -> None:
-    """Make an ideal plate of a material, tinted and see-through where Cycles does not draw it.
-
-    EEVEE knows no portals, and would draw a black sheet.
+    """Turn a material into an ideal plate, tinted and see-through outside Cycles. EEVEE would draw
+    its
+    portal black.
     """
     shaders.be_plate(material)
     material.diffuse_color = PLATE
@@ -78,7 +78,7 @@ def be_seen_as_plate(material: bpy.types.Material) -> None:
 
 
 def be_seen_as_screen(material: bpy.types.Material) -> None:
-    """A display that shows no image yet: black. A result takes its place without a word."""
+    """Turn a material into an empty display, black. A result replaces it silently."""
     shaders.be_blocker(material)
     material[MATERIAL_MARK] = True
     material.diffuse_color = SCREEN
