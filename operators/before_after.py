@@ -1,4 +1,4 @@
-"""Before and after: the picture with and without compensation, as the viewer sees it."""
+"""Before and After: the viewer's image without and with compensation."""
 
 from collections.abc import Generator
 from pathlib import Path
@@ -15,12 +15,12 @@ from .export import use_bundled_modules
 from .to_file import ToFile
 from .windows import redraw
 
-GAP = 8  # px, white, between the two images of a saved comparison
+GAP = 8  # px, white, between the two saved images
 NAME = "comparison.png"
 
 
 def comparing(context: bpy.types.Context) -> Generator[float, None, compared.Compared]:
-    """Solve the scene as it is, which is quick where it was solved before, and compare."""
+    """Solve the scene, quickly if it was solved before, and compare."""
     scene = context.scene
     rig = work.read(context).rig
     rig.check()
@@ -31,12 +31,8 @@ def comparing(context: bpy.types.Context) -> Generator[float, None, compared.Com
 
 
 class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
-    """Show what the viewer sees without Kiriko and with it, over the camera view"""
+    """Compare the view without and with correction, side by side; drag the handle to wipe"""
 
-    bl_description = (
-        "Show what the viewer sees without Kiriko and with it, side by side over the camera view."
-        " Drag the handle to wipe; Live keeps it up to date. No renderer is needed"
-    )
     bl_idname = "kiriko.before_after"
     bl_label = "Before and After"
     bl_options = {"REGISTER"}
@@ -59,7 +55,7 @@ class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
         context.window_manager.kiriko.show_comparison = True
         compared.enter_view(context)
         redraw()
-        return Message("Drag the handle in the camera view to wipe between before and after.")
+        return Message("Drag the handle in the camera view to compare.")
 
 
 class KIRIKO_OT_wipe(bpy.types.Operator):
@@ -94,7 +90,7 @@ class KIRIKO_OT_wipe(bpy.types.Operator):
 
 
 class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
-    """Write both images of Before and After side by side to a PNG file"""
+    """Write both images side by side to a PNG file"""
 
     bl_idname = "kiriko.save_comparison"
     bl_label = "Save Comparison"
@@ -126,7 +122,7 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
 
 
 def write(path: Path, made: Comparison, ours: bpy.types.PropertyGroup) -> Path:
-    """Write the two images that are chosen, side by side."""
+    """Write the two chosen images side by side."""
     left, right = (getattr(made, choice.lower()) for choice in (ours.left, ours.right))
     both = side_by_side(left, right, GAP)
     title = "Kiriko comparison"

@@ -1,6 +1,6 @@
-"""Choose the picture from the file's images or from disk, its plane in the image's own shape.
+"""Choose the picture from the file's images or from disk. Its plane takes the shape of the image.
 
-Also the frame rate and range of the scene next to those of a film.
+Also: the scene's frame rate and range from a movie.
 """
 
 from math import isclose
@@ -30,35 +30,33 @@ from . import needed, telling
 from .choose_rig import EndsWithRig
 from .needed import the_picture
 
-NO_FILM = Message("The picture is not a film")
+NO_FILM = Message("The picture is not a movie")
 
 
 def film_shown(context: bpy.types.Context) -> tuple[bpy.types.Image, Timing] | None:
-    """The film that is the picture, and when it plays; None if there is none."""
+    """The picture's movie with its timing; None if it has none."""
     picture = the_picture(context)
     return None if picture is None else plane.film_of(picture)
 
 
 def other_rate(context: bpy.types.Context) -> Message | None:
-    """A warning that the film plays at another speed in this scene; None if it does not."""
+    """A warning that the movie plays at another speed in this scene; None if not."""
     film = film_shown(context)
     rate = rate_of(film[0]) if film else 0.0
     own = context.scene.render.fps / context.scene.render.fps_base
     if not rate or isclose(rate, own, rel_tol=1e-3):
         return None
     return Message(
-        "the film '{film}' runs at {rate:.4g} frames per second and the scene at {own:.4g}, so it"
-        " plays {times:.2g} times as fast; press {button} to change the scene",
+        "'{film}' runs at {rate:.4g} fps, the scene at {own:.4g}. Press {button} to match them.",
         film=film[0].name,
         rate=rate,
         own=own,
-        times=own / rate,
         button=as_message(KIRIKO_OT_use_film.bl_label),
     )
 
 
 class KIRIKO_OT_use_film(bpy.types.Operator):
-    """Give the scene the frame rate and the frame range of the film that is the picture"""
+    """Give the scene the frame rate and range of the picture's movie"""
 
     bl_idname = "kiriko.use_film"
     bl_label = "Use Film's Rate and Range"
@@ -81,7 +79,7 @@ class KIRIKO_OT_use_film(bpy.types.Operator):
                 self,
                 "INFO",
                 Message(
-                    "The scene runs at {rate:.4g} frames per second, from frame {first} to {last}.",
+                    "The scene now runs at {rate:.4g} fps, frames {first} to {last}.",
                     rate=scene.render.fps / scene.render.fps_base,
                     first=scene.frame_start,
                     last=scene.frame_end,
@@ -92,29 +90,29 @@ class KIRIKO_OT_use_film(bpy.types.Operator):
 
 
 def why_no_picture(context: bpy.types.Context) -> list[str]:
-    """Why there is no picture whose image or shape could be another."""
+    """Reasons why the picture cannot be changed."""
     if context.mode != "OBJECT":
         return [needed.LEAVE_EDIT_MODE]
 
     picture = the_picture(context)
     if picture is None:
-        return [Message("Select the picture: an object whose role is Picture")]
+        return [Message("Select an object with the role {role}", role=Message("Picture"))]
 
     return (
-        []
-        if picture.is_editable
-        else [Message("The picture is linked from another file: choose its image there")]
+        [] if picture.is_editable else [Message("The object is linked. Change it in its own file")]
     )
 
 
 class ChoosePicture:
-    """Mix-in for an operator that makes an image the picture of a plane."""
+    """Mix-in for operators that set a plane's picture."""
 
     fit: bpy.props.BoolProperty(
         name="Fit to Image",
-        description="Give the plane the shape of the image, its area kept",
+        description="Give the plane the shape of the image",
         default=True,
-        options={"SKIP_SAVE"},  # where it was left once, the next image shall not be squeezed
+        options={
+            "SKIP_SAVE"
+        },  # otherwise a single choice without it would squeeze every later image
     )
 
     @classmethod
@@ -124,9 +122,9 @@ class ChoosePicture:
     def choose(
         self, context: bpy.types.Context, image: bpy.types.Image, timing: Timing | None = None
     ) -> None:
-        """Make an image the picture, and report on plane and material.
+        """Set the picture, and report changes of plane and material.
 
-        timing : of a moving one; None: all of it from the scene's frame 1 on
+        timing : of a moving image; None for all of it from frame 1
         """
         picture = the_picture(context)
         owner = Message("the picture '{picture}'", picture=picture.name)
@@ -135,70 +133,49 @@ class ChoosePicture:
             check_readable(shown, owner)
             check_whole(shown, owner)
             ignored = notes_on(shown)
-        before = {slot.material for slot in picture.material_slots}
         picture.kiriko.image = image
         if timing is not None:
             blender_plane.set_shown_timing(picture, image, timing)
 
         problems = []
         if not picture.kiriko.is_image_shown:
-            problems.append(
-                Message(
-                    "its material is not its own to be changed, and goes on showing the same image"
-                )
-            )
+            problems.append(Message("Its material is shared and still shows the same image."))
 
         try:
             if self.fit:
                 blender_plane.fit(context, picture)
             elif squeezed := blender_plane.squeezed_words(blender_plane.shown_as(context, picture)):
-                problems.append(Message("the image is {squeezed}", squeezed=squeezed))
+                problems.append(Message("The image is {squeezed}.", squeezed=squeezed))
         except RigError as why:
-            problems.append(Message("the plane keeps its shape, for {why}", why=why))
+            problems.append(_unchanged(picture, why))
 
         if warning := other_rate(context):
             problems.append(warning)
-        new = [slot.material for slot in picture.material_slots if slot.material not in before]
-        material = (
-            Message(", by the new material '{material}'", material=new[0].name) if new else ""
-        )
         n = 0 if timing is None else timing.frame_duration
         text = Message(
-            "The picture '{picture}' is '{image}' now{frames}{material}",
+            "'{picture}' now shows '{image}'{frames}.",
             picture=picture.name,
             image=image.name,
             frames=Message(", a sequence of {n} frames", n=n) if n else "",
-            material=material,
         )
         result = context.scene.kiriko.result
-        if result.source is None:  # Add Rig's report is of the picture before
+        if result.source is None:  # Add Rig's report is about the previous picture
             result.summary = result.notes = ""
 
-        if problems:
-            telling.report(
-                self,
-                "WARNING",
-                Message("{text}; but {problems}.", text=text, problems=joined(problems, ", and ")),
-            )
-        else:
-            telling.report(self, "INFO", Message("{text}.", text=text))
+        telling.report(self, "WARNING" if problems else "INFO", joined([text, *problems]))
         for note in ignored:
             telling.report(self, "WARNING", note)
 
 
 class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
-    """Make an image of this file the picture: its plane shows it, in its own shape"""
+    """Show an image of this file as the picture, in the image's own shape"""
 
     bl_idname = "kiriko.choose_picture"
     bl_label = "Choose Picture"
     bl_options = {"REGISTER", "UNDO"}
 
-    image: bpy.props.StringProperty(name="Image", description="Name of the image")
-    library: bpy.props.StringProperty(
-        name="Library",
-        description="File that the image is linked from; empty for one of this file",
-        options={"HIDDEN"},
-    )
+    image: bpy.props.StringProperty(options={"HIDDEN"})
+    library: bpy.props.StringProperty(options={"HIDDEN"})  # file of a linked image
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.errors_reported(self):
@@ -213,31 +190,23 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
 
 
 class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
-    """Open an image file, a movie or the files of a sequence as the picture"""
-
-    bl_description = (
-        "Open an image file, a movie or the files of a sequence as the picture: its plane shows it,"
-        " in its own shape"
-    )
+    """Choose an image, movie or image sequence as the picture"""
 
     bl_idname = "kiriko.open_picture"
     bl_label = "Open Picture"
     bl_options = {"REGISTER", "UNDO"}
 
     filepath: bpy.props.StringProperty(
-        name="File",
-        description="The image file",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE", *RELATIVE_PATH},
+        subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN", *RELATIVE_PATH}
     )
-    # all that are selected in the file browser, which tells them only to who asks
+    # all files selected in the browser, which sets them only if the property exists
     files: bpy.props.CollectionProperty(
         type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}
     )
     filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
-    # of the file browser, by its own numbers
+    # read by the file browser; the numbers are Blender's
     display_type: bpy.props.EnumProperty(
         items=[("DEFAULT", "", "", 0), ("THUMBNAIL", "", "", 3)],
         default="THUMBNAIL",
@@ -253,7 +222,9 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
         self.begin_with(context.scene)
         self.detect_sequences = True
         image = blender_plane.image_of(the_picture(context))
-        if image is not None and image.filepath:  # other pictures are most likely beside it
+        if (
+            image is not None and image.filepath
+        ):  # other pictures are most likely in the same folder
             file = Path(bpy.path.abspath(image.filepath, library=image.library))
             self.filepath = str(file).removesuffix(file.name)
         context.window_manager.fileselect_add(self)
@@ -274,20 +245,25 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
         return {"CANCELLED"}
 
 
+def _unchanged(picture: bpy.types.Object, why: object) -> Message:
+    return Message("'{picture}' keeps its shape, for {why}.", picture=picture.name, why=why)
+
+
 def _opened(
     context: bpy.types.Context, filepath: str, names: list[str], is_sequence: bool = False
 ) -> tuple[bpy.types.Image, Timing | None]:
-    """The image of a file or of a sequence of files in one folder, and its timing.
+    """The image and timing of a file, or of a sequence of files in one folder.
 
-    As in Blender's own Open it is loaded once, by a path as the preferences want it.
+    As in Blender's own Open, an image is loaded only once, with a relative path if the preferences
+    say so.
 
-    is_sequence : look for more frames around a single numbered file
+    is_sequence : include the numbered files around a single file
     """
     if not is_chosen(filepath):
         raise ImageError("No file is chosen: choose an image.")
 
     file, timing = absolute(filepath), None
-    # where all were selected and none was clicked, the path is that of the folder alone
+    # if files are selected without a click, the path is the folder
     files = [(file if file.is_dir() else file.parent) / name for name in names]
     alone = (files or [file])[0]
     if is_sequence and len(files) < 2 and alone.suffix.lower() not in bpy.path.extensions_movie:
@@ -299,7 +275,7 @@ def _opened(
     if not file.is_file():
         raise ImageError("There is no file {path}: choose an image.", path=file)
 
-    # alone a file is another picture than as the first of a sequence, which may be loaded already
+    # a still and a sequence with the same first file are different images
     wanted = {"FILE", "MOVIE"} if timing is None else {"SEQUENCE"}
     for image in bpy.data.images:
         if image.source in wanted and _file_of(image) == normpath(file):
@@ -322,7 +298,7 @@ def _file_of(image: bpy.types.Image) -> str:
 
 
 class KIRIKO_OT_fit_picture(bpy.types.Operator):
-    """Give the picture's plane the shape of its image, its area kept"""
+    """Give the picture's plane the shape of its image, with the same area"""
 
     bl_idname = "kiriko.fit_picture"
     bl_label = "Fit to Image"
@@ -334,9 +310,9 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
         if not reasons:
             try:
                 if not squeezed_words(shown_as(context, the_picture(context))):
-                    reasons.append(Message("The picture has the shape of its image already"))
+                    reasons.append(Message("The picture already has the shape of its image"))
             except (RigError, ImageError):
-                pass  # told when it is pressed
+                pass  # reported when the button is pressed
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -345,15 +321,13 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
             try:
                 before = fit(context, picture)
             except RigError as why:
-                raise RigError(
-                    "'{picture}' keeps its shape, for {why}.", picture=picture.name, why=why
-                ) from None
+                raise RigError("{reason}", reason=_unchanged(picture, why)) from None
 
             telling.report(
                 self,
                 "INFO",
                 Message(
-                    "'{picture}' has the shape of its image now; it was {squeezed}.",
+                    "'{picture}' now has the shape of its image. It was {squeezed}.",
                     picture=picture.name,
                     squeezed=squeezed_words(before),
                 ),

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.errors import ImageError
-from ..core.base.messages import Message
+from ..core.base.messages import Message, joined
 from ..core.blender.data.image import pixels_from_image
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from ..core.blender.data.reports import said_by
@@ -17,25 +17,25 @@ from .choose_rig import EndsWithRig
 from .wrapping import sentence
 
 OLD = Message("Export the old image?")
-ALL_THE_SAME = Message("Export All the Same")
+ANYWAY = Message("Export Anyway")
 
 
 def use_bundled_modules() -> None:
-    """Let Python import the modules that Blender ships (needed from 5.0 in the bpy module)."""
+    """Make Blender's bundled modules importable; the bpy module needs it from 5.0 on."""
     if hasattr(bpy.utils, "expose_bundled_modules"):
         bpy.utils.expose_bundled_modules()
 
 
 def target(path: str, form: str) -> Path:
-    """The file that a path from the interface means: absolute, with the format's suffix.
+    """The absolute path of a file, with the format's suffix.
 
     Raises
     ------
     ImageError
-        There is no path, or it is relative to a .blend that has not been saved.
+        There is no path, or it is relative and the .blend is not saved.
     """
     if not path:
-        raise ImageError("The export has no path: choose a file.")
+        raise ImageError("No file is chosen for the export.")
     full = absolute(path)
     if (disk.is_there(full) and full.is_dir()) or path.endswith(("/", "\\")):
         full = full / "source"
@@ -43,7 +43,7 @@ def target(path: str, form: str) -> Path:
 
 
 def gamma_of(scene: bpy.types.Scene) -> float | None:
-    """The power by which a scene's display encodes light; None: as sRGB does."""
+    """Gamma of the scene's display; None for sRGB."""
     for thing in needed.parts(scene).get("DISPLAY", {}):
         ours = thing.kiriko.display
         return ours.gamma if ours.encoding == "POWER" else None
@@ -51,7 +51,7 @@ def gamma_of(scene: bpy.types.Scene) -> float | None:
 
 
 def unwritable(form: str) -> list[str]:
-    """The reason why a format cannot be exported, where there is one."""
+    """Reasons why a format cannot be written."""
     why = image_io.why_not(form)
     if why:
         use_bundled_modules()
@@ -60,35 +60,20 @@ def unwritable(form: str) -> list[str]:
 
 
 class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
-    """Write the source image to a file in the display's own pixels, with colour space and size"""
+    """Write the source image at the display's resolution, with colour space and size"""
 
     bl_idname = "kiriko.export"
     bl_label = "Export Source Image"
     bl_options = {"REGISTER"}
 
+    # empty: the path in the panel
     filepath: bpy.props.StringProperty(
-        name="File",
-        description="Where to write; empty: the path in the panel",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE", *RELATIVE_PATH},
+        subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN", *RELATIVE_PATH}
     )
-    overwrite: bpy.props.BoolProperty(
-        name="Overwrite",
-        description="Replace the file if there is one already",
-        options={"SKIP_SAVE", "HIDDEN"},
-    )
-    allow_stale: bpy.props.BoolProperty(
-        name="Allow Stale",
-        description="Export the image although the scene has changed since it was solved",
-        options={"SKIP_SAVE", "HIDDEN"},
-    )
-    choose: bpy.props.BoolProperty(
-        name="Choose File",
-        description="Ask for the file, beginning with the one of the last export",
-        options={"SKIP_SAVE", "HIDDEN"},
-    )
-    # the file dialogue asks an operator for these: show
-    # names that are taken in red, and only images
+    overwrite: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+    allow_stale: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+    choose: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})  # open the file dialogue
+    # read by the file dialogue: existing names turn red, and only images are listed
     check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
     filter_glob: bpy.props.StringProperty(
         default=";".join(f"*{suffix}" for suffix in sorted(image_io.SUFFIXES)),
@@ -103,7 +88,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
     )
 
     is_in_dialogue = is_to_ask = False
-    named_form = ""  # by which the name in the dialogue was completed
+    named_form = ""  # format of the name in the dialogue
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -118,7 +103,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
 
         with telling.errors_reported(self):
             is_stale = not self.allow_stale and watch.has_changed(context)
-            # the path is relative to a file that was never saved
+            # a path relative to an unsaved file
             is_nowhere = not bpy.data.filepath and (
                 self.filepath or ours.export_path or "//"
             ).startswith("//")
@@ -130,7 +115,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                     event,
                     title=OLD,
                     message=telling.in_words(watch.CHANGED),
-                    confirm_text=ALL_THE_SAME,
+                    confirm_text=ANYWAY,
                 )
 
             if is_asked:
@@ -145,20 +130,18 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
             path = target(self.filepath or ours.export_path, self._form(context))
             is_taken = disk.is_there(path) and not self.overwrite
 
-            # only an answer of yes leads to execute
+            # the dialogue calls execute only after a yes
             self.overwrite |= is_taken
             self.allow_stale |= is_stale
 
             if is_stale:
-                taken = Message(" The file '{path}' is replaced.", path=path) if is_taken else ""
+                taken = [Message("'{path}' will be replaced.", path=path)] if is_taken else []
                 return ask(
                     self,
                     event,
                     title=OLD,
-                    message=telling.in_words(
-                        Message("{changed}{taken}", changed=watch.CHANGED, taken=taken)
-                    ),
-                    confirm_text=ALL_THE_SAME,
+                    message=telling.in_words(joined([watch.CHANGED, *taken])),
+                    confirm_text=ANYWAY,
                 )
 
             if is_taken:
@@ -175,8 +158,9 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         return {"CANCELLED"}
 
     def check(self, context: bpy.types.Context) -> bool:
-        """Complete the name in the file dialogue, so that the name of an existing file is red. A
-        suffix that is typed chooses the format, and a format that is chosen sets the suffix.
+        """Complete the name in the file dialogue, so that an existing file turns red. A typed
+        suffix
+        sets the format, and a chosen format sets the suffix.
         """
         if not Path(self.filepath).name:
             return False
@@ -206,7 +190,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
             ours = context.scene.kiriko
             if not self.allow_stale and watch.has_changed(context):
                 raise ImageError(
-                    "The scene has changed since: solve again, or export the old image with"
+                    "The scene has changed since the last solve: solve again, or pass"
                     " allow_stale=True."
                 )
 
@@ -216,7 +200,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
             form = self._form(context)
             path = target(self.filepath or ours.export_path, form)
 
-            # the dialogue showed this very name in red; another one, with a suffix, it did not
+            # the dialogue showed exactly this name in red
             is_shown = self.is_in_dialogue and str(path) == self.filepath
             written = image_io.write(
                 path,
@@ -242,12 +226,12 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         return image_io.format_for(self.filepath, form)
 
     def _ask_where(self) -> set[str]:
-        """The old image is wanted: begin again, with that answer.
-        An operator of a dialogue cannot open another.
+        """Start again after a yes to the old image: an operator of a dialogue cannot open
+        another one.
         """
         try:
             bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True, choose=self.choose)
             return {"FINISHED"}
-        except RuntimeError as error:  # its report
+        except RuntimeError as error:  # with the operator's report
             telling.report(self, "ERROR", said_by(error))
             return {"CANCELLED"}

@@ -1,9 +1,8 @@
-"""Frame by frame: the source images of an animation, each a file of its own.
+"""Animation: one file with the source image for each frame.
 
-A session of its own keeps from frame to frame all that has not changed: of a rig that stands still
-and a picture that moves, nothing is traced after the first frame. A frame is the same bits
-whichever were solved before, so that several machines can share them. None is kept in the scene,
-whose result stays as it is.
+Its own session reuses everything unchanged from frame to frame: with a still rig and a moving
+picture, only the first frame is traced. A frame has the same bits whichever frames came before, so
+machines can share the work. The scene's own result does not change.
 """
 
 import json
@@ -39,14 +38,14 @@ from .export import gamma_of, unwritable, use_bundled_modules
 
 @dataclass(frozen=True)
 class Run:
-    """Frames that are wanted, and how.
+    """Frames to solve.
 
     files : by frame
     form : a key of image_io.FORMATS
-    overwrite : replace files that are there already; else these frames are left out
-    placeholders : an empty file stands for each frame while it is solved, so that other processes
-        leave it out; with `overwrite`, a frame that another process replaced meanwhile is done
-    log : name of the file beside them that gets a line for each frame that was solved
+    overwrite : replace existing files; else their frames are skipped
+    placeholders : put an empty file in place of each frame while it is solved, so that other
+        processes skip it; with `overwrite`, frames replaced by other processes count as done
+    log : name of the log in the same folder, one line for each frame
     """
 
     files: dict[int, Path]
@@ -58,15 +57,15 @@ class Run:
 
 @dataclass
 class Tally:
-    """What became of the frames of a run.
+    """The outcome of a run.
 
-    files : that were written
-    there : number of files that were there already
-    stale : frames whose files were there and show an earlier state of the scene
-    others : number of frames that have a placeholder of another process
-    traced : number of frames for which light was traced
-    failed : frames that could not be solved, and why
-    ended : the first frame that was solved after a movie's end, by the movie
+    files : files written
+    there : number of files that existed before
+    stale : frames whose existing files show an earlier state of the scene
+    others : number of frames claimed by other processes
+    traced : number of frames with traced light
+    failed : reasons, by frame that could not be solved
+    ended : the first frame after a movie's end, by movie
     """
 
     files: list[Path] = field(default_factory=list)
@@ -78,14 +77,14 @@ class Tally:
     ended: dict[str, int] = field(default_factory=dict)
 
     def notice(self, frame: int, notes: Iterable[str]) -> None:
-        """Keep what notes on a frame tell of its movies."""
+        """Record a frame's notes on its movies."""
         for note in notes:
             if isinstance(note, OfMovie):
                 self.ended[note.movie] = min(frame, self.ended.get(note.movie, frame))
 
     @property
     def of_movies(self) -> list[Message]:
-        """Sentences on movies that are too short."""
+        """Sentences on movies shorter than the animation."""
         return [
             Message(
                 "The movie '{image}' ends early: from frame {frame} on its last frame is shown.",
@@ -97,24 +96,24 @@ class Tally:
 
     @property
     def stale_words(self) -> Message:
-        """A sentence on the stale frames."""
+        """A sentence on stale frames."""
         return Message(
-            "Frames solved for an earlier state of the scene: {n}, the first is {frame}. Solve all"
-            " frames anew, or remove these.",
+            "Frames of an earlier scene: {n}, the first is {frame}. Solve all frames again, or"
+            " delete these files.",
             n=len(self.stale),
             frame=self.stale[0],
         )
 
     @property
     def written(self) -> int:
-        """Number of files that were written."""
+        """Number of files written."""
         return len(self.files)
 
     def sentence(self, folder: Path) -> Message:
-        """In one or more sentences."""
+        """The outcome in sentences."""
         parts = [
             Message(
-                "Wrote {n} frame{s} to '{folder}', {traced} of them traced anew.",
+                "Wrote {n} frame{s} to '{folder}', {traced} of them traced.",
                 n=self.written,
                 s="" if self.written == 1 else "s",
                 folder=folder,
@@ -122,14 +121,14 @@ class Tally:
             )
         ]
         if self.there:
-            parts.append(Message("Already there: {n}.", n=self.there))
+            parts.append(Message("Existing frames skipped: {n}.", n=self.there))
         if self.stale:
             parts.append(self.stale_words)
         if self.others:
             parts.append(
                 Message(
-                    "Left out: {n}, with an empty placeholder file of another process. If that"
-                    " process was stopped, delete the empty files or solve without Placeholders.",
+                    "Claimed by another process: {n}. If it was stopped, delete the empty files or"
+                    " turn off Placeholders.",
                     n=self.others,
                 )
             )
@@ -137,7 +136,7 @@ class Tally:
             frame, why = self.failed[0]
             parts.append(
                 Message(
-                    "{n} failed, the first of them frame {frame}: {why}",
+                    "{n} failed, first frame {frame}: {why}",
                     n=len(self.failed),
                     frame=frame,
                     why=why,
@@ -148,7 +147,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class Keeps:
-    """All that is kept from frame to frame."""
+    """Everything cached from frame to frame."""
 
     shapes: ShapeCache = field(default_factory=ShapeCache)
     session: Session = field(default_factory=lambda: Session(KeptGlass(is_exact=True)))
@@ -157,24 +156,24 @@ class Keeps:
 def solved(
     context: bpy.types.Context, run: Run, tally: Tally | None = None
 ) -> Generator[float, None, Tally]:
-    """Solve the frames of a run and write their files, each whole or not at all.
+    """Solve the frames of a run and write each file completely or not at all.
 
-    A frame that cannot be solved is noted, and the next is begun. Yields progress 0..1. At the end,
-    also where it is stopped, the scene is at its frame of before.
+    A frame that cannot be solved is recorded and skipped. Yields progress 0..1. Afterwards, even if
+    stopped, the scene is at its previous frame.
 
-    tally : that is kept up to date meanwhile
+    tally : updated as frames are done
 
     Raises
     ------
     ImageError
-        A file cannot be written: the files of all frames before are whole. The log is seen to be
-        writable before the first.
+        A file cannot be written; earlier files are complete. The log is checked before the first
+        frame.
     """
     scene = context.scene
     tally = Tally() if tally is None else tally
     keeps = Keeps()
     n = len(run.files)
-    for into in {path.parent for path in run.files.values()}:  # before any image is there
+    for into in {path.parent for path in run.files.values()}:  # before the first image exists
         disk.check_appendable(into / run.log)
 
     before = {p: disk.stamp(p) if disk.is_there(p) else None for p in run.files.values()}
@@ -200,16 +199,16 @@ def solved(
 
 
 def _solved_for(run: Run) -> dict[str, str]:
-    """The fingerprint of the scene that each file of the folders was solved for, by its name."""
+    """Fingerprints of the scenes behind existing files, by file name."""
     folders = {path.parent for path in run.files.values()}
     lines = [line for folder in folders for line in logged(folder)]
     return {str(line["file"]): str(line["scene"]) for line in lines if "scene" in line}
 
 
 def _is_wanted(path: Path, run: Run, tally: Tally, before: disk.Stamp | None) -> bool:
-    """Is a frame still to be solved, and by this process?
+    """Whether this process is to solve a frame.
 
-    before : the stamp of its file when the run began
+    before : stamp of its file at the start of the run
     """
     if run.placeholders:
         if run.overwrite and before is not None and disk.stamp(path) == before:
@@ -225,7 +224,7 @@ def _is_wanted(path: Path, run: Run, tally: Tally, before: disk.Stamp | None) ->
 
 
 def _has_contents(path: Path) -> bool:
-    """Is there a file that is not empty? An empty one is a placeholder."""
+    """Whether a file exists and is not an empty placeholder."""
     stamp = disk.stamp(path)
     return stamp is not None and stamp.size > 0
 
@@ -233,7 +232,7 @@ def _has_contents(path: Path) -> bool:
 def _one(
     context: bpy.types.Context, keeps: Keeps, frame: int, run: Run, tally: Tally
 ) -> Generator[float, None, None]:
-    """Solve a frame, write its file and its line in the log; yields progress 0..1."""
+    """Solve a frame and write its file and log line; yields progress 0..1."""
     began = perf_counter()
     scene = context.scene
     path = run.files[frame]
@@ -242,7 +241,7 @@ def _one(
     try:
         scene.frame_set(frame)
         reading = work.read(context, keeps.shapes)
-        found = [] if tally.files else look_over.findings(context)  # of the first frame, once
+        found = [] if tally.files else look_over.findings(context)  # once, with the first frame
         reading = replace(
             reading,
             notes=(*reading.notes, *found),
@@ -261,7 +260,7 @@ def _one(
             run.form,
             size=None if reading.display_size is None else tuple(reading.display_size),
             gamma=gamma_of(scene),
-            overwrite=True,  # another process may have written the same meanwhile
+            overwrite=True,  # another process may have written the same file meanwhile
         )
         _log(path.parent / run.log, line, began, **_done(solution, reading), error=None)
     except ImageError as error:
@@ -273,7 +272,7 @@ def _one(
 
 
 def _done(solution: Solution, reading: Reading) -> dict[str, Any]:
-    """What a frame took, and what it shows."""
+    """Cost and content of a frame."""
     return {
         "did": "traced" if solution.n_rays else "painted",
         "rays": solution.n_rays,
@@ -284,14 +283,14 @@ def _done(solution: Solution, reading: Reading) -> dict[str, Any]:
 
 
 def _log(path: Path, line: dict[str, Any], began: float, **rest: object) -> None:
-    """Add a frame's line to the log."""
+    """Append a frame's line to the log."""
     whole = {**line, "seconds": round(perf_counter() - began, 4), **rest}
     disk.append_line(path, json.dumps(whole))
 
 
 @contextmanager
 def _open_reel(kept: ShapeCache) -> Iterator[None]:
-    """Have movies stay open meanwhile."""
+    """Keep movies open within the context."""
     kept.reel = Reel()
     try:
         yield
@@ -301,7 +300,7 @@ def _open_reel(kept: ShapeCache) -> Iterator[None]:
 
 @contextmanager
 def _news_for(kept: ShapeCache) -> Iterator[None]:
-    """Hand Blender's news of changes on, meanwhile."""
+    """Forward Blender's change reports within the context."""
 
     def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         kept.notice(depsgraph)
@@ -315,17 +314,17 @@ def _news_for(kept: ShapeCache) -> Iterator[None]:
 
 
 SOLVED = 0.9  # of the progress
-ENCODED = ("PNG8", "PNG16", "TIFF16")  # formats of frames in a display's own numbers
-LONGEST = 3600.0  # s of a test card
+ENCODED = ("PNG8", "PNG16", "TIFF16")  # formats with the display's own encoding
+LONGEST = 3600.0  # s: longest test card
 
 
 @dataclass(frozen=True)
 class Wish:
-    """A movie that is wanted.
+    """A movie to make.
 
-    path : without suffix, which the codec gives
+    path : without the suffix of the codec
     codec : a key of movie.CODECS
-    card : s that a test card is shown for, before, 0..LONGEST
+    card : duration of a test card before the first frame, s
     """
 
     path: Path
@@ -335,7 +334,7 @@ class Wish:
 
     @property
     def file(self) -> Path:
-        """Its file."""
+        """The file with its suffix."""
         suffix = movie.CODECS[self.codec].suffix
         return self.path.with_name(self.path.name.removesuffix(suffix) + suffix)
 
@@ -343,19 +342,18 @@ class Wish:
 def made(
     context: bpy.types.Context, run: Run, wish: Wish, tally: Tally, remedy: str
 ) -> Generator[float, None, None]:
-    """Solve the frames of a run that are not there, and make a movie of all; yields progress 0..1.
+    """Solve the missing frames of a run and encode all frames as a movie; yields progress 0..1.
 
-    remedy : ends the sentence that there is such a file already
+    remedy : ends the sentence on an existing file
 
     Raises
     ------
     RigError, ImageError
-        A frame is lacking, or the movie cannot be made; it is whole or not there.
+        A frame is missing, or the movie cannot be made. No incomplete file is left.
     """
     if run.form not in ENCODED:
         raise ImageError(
-            "A movie is made of frames in the display's own numbers: choose PNG or TIFF as their"
-            " format."
+            "A movie needs frames encoded for the display. Choose PNG or TIFF as their format."
         )
     display = work.read(context).rig.display
     size = display.width, display.height
@@ -365,7 +363,7 @@ def made(
 
     yield from subprogress(solved(context, run, tally), 0.0, SOLVED)
     if tally.failed or tally.others:
-        raise RigError("The movie would lack frames: {told}", told=tally.sentence(wish.file.parent))
+        raise RigError("Frames are missing: {report}", report=tally.sentence(wish.file.parent))
     if tally.stale:
         raise RigError("{reason}", reason=tally.stale_words)
     files = list(run.files.values())
@@ -377,17 +375,17 @@ def made(
         first = _test_card(scratch, scene, wish, display.name, size) if wish.card else None
         with disk.together(wish.file.parent) as new:
             movie.encode(new / wish.file.name, files, wish.codec, size, scene, first)
-    # the last step: an Esc that was pressed meanwhile would call a movie stopped that is there
+    # last step: a later Esc would report a finished movie as stopped
 
 
 def _check_sizes(files: set[Path], size: tuple[int, int]) -> None:
-    """Refuse frames that were there, and have another size."""
+    """Refuse existing frames of another size."""
     for file in sorted(files):
         found = size_of(file)
         if found != size:
             raise ImageError(
-                "The frame '{file}' has {found} pixels, the display {size}: remove it, or solve it"
-                " anew.",
+                "The frame '{file}' has {found} pixels, the display {size}. Delete it, or solve it"
+                " again.",
                 file=file,
                 found=_by(found),
                 size=_by(size),
@@ -401,7 +399,7 @@ def _by(size: tuple[int, int]) -> str:
 def _test_card(
     scratch: Path, scene: bpy.types.Scene, wish: Wish, name: str, size: tuple[int, int]
 ) -> movie.Card:
-    """The test card, with the display's name and numbers over it."""
+    """A test card with the display's name and numbers."""
     rate = scene.render.fps / scene.render.fps_base
     file = image_io.write(scratch / "card.png", card(*size), "PNG8", gamma=gamma_of(scene))
     numbers = f"{_by(size)}, {rate:.4g} fps, {movie.CODECS[wish.codec].label}"
@@ -410,7 +408,7 @@ def _test_card(
 
 
 def movie_report(wish: Wish, run: Run) -> Message:
-    """The movie, in a sentence."""
+    """A sentence on the finished movie."""
     return Message(
         "Wrote '{file}', {n} frames in {codec}.",
         file=wish.file,
@@ -420,14 +418,13 @@ def movie_report(wish: Wish, run: Run) -> Message:
 
 
 class OfFrames(long_work.LongWork):
-    """Mix-in for an operator that solves an animation's frames."""
+    """Mix-in for operators that solve the frames of an animation."""
 
     bl_options = {"REGISTER"}
 
     frames: bpy.props.StringProperty(
         name="Frames",
-        description="Numbers and ranges, such as 1-250:2 or 1,5,10-20; empty: the scene's range and"
-        " step",
+        description="Numbers and ranges, such as 1-250:2 or 1,5,10-20. Empty: the scene's range",
         options={"SKIP_SAVE"},
     )
 
@@ -440,14 +437,14 @@ class OfFrames(long_work.LongWork):
 
     @contextmanager
     def run_of(self, context: bpy.types.Context) -> Iterator[Run]:
-        """The frames that are asked for, and their folder, which goes again if it stays empty."""
+        """The run of an operator. Its folder is removed again if it stays empty."""
         if any(window.screen.is_animation_playing for window in windows.all_windows()):
-            raise RigError("The playback sets frames, too: stop it first.")
+            raise RigError("Stop the playback first.")
         scene = context.scene
         ours = scene.kiriko
         if not Path(ours.animation_path).name:
             raise ImageError(
-                "The frames have no name: choose a file, such as //frames/source_####."
+                "The frames have no file name. Choose one, such as //frames/source_####."
             )
 
         use_bundled_modules()
@@ -460,13 +457,13 @@ class OfFrames(long_work.LongWork):
             yield Run(files, ours.export_format, ours.animation_anew, ours.animation_placeholders)
 
     def _stopped(self) -> set[str]:
-        text = Message("Stopped; frames written: {n}.", n=self.tally.written)
+        text = Message("Stopped after {n} frames.", n=self.tally.written)
         telling.report(self, "INFO", text)
         return {"CANCELLED"}
 
 
 class KIRIKO_OT_solve_animation(OfFrames, bpy.types.Operator):
-    """Write the source image of each frame to a file of its own, whatever moves"""
+    """Write the source image of each frame to its own file"""
 
     bl_idname = "kiriko.solve_animation"
     bl_label = "Solve Animation"
@@ -479,20 +476,12 @@ class KIRIKO_OT_solve_animation(OfFrames, bpy.types.Operator):
 
 
 class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
-    """Make a movie of the animation's frames, by Blender's encoder"""
+    """Encode the animation as a movie; missing frames are solved first"""
 
-    bl_description = (
-        "Make a movie of the animation's frames, by Blender's encoder, in the display's pixels and"
-        " the scene's frame rate. Frames that are not there are solved first"
-    )
     bl_idname = "kiriko.export_movie"
     bl_label = "Export Movie"
 
-    overwrite: bpy.props.BoolProperty(
-        name="Overwrite",
-        description="Replace the file if there is one already",
-        options={"SKIP_SAVE", "HIDDEN"},
-    )
+    overwrite: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
 
     is_to_ask = False
 
@@ -513,7 +502,7 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not self.is_to_ask:
             return super().execute(context)
-        # a dialogue's operator cannot go on in steps: another one can
+        # a dialogue's operator cannot continue in steps, so start another one
         bpy.ops.kiriko.export_movie("INVOKE_DEFAULT", overwrite=True, frames=self.frames)
         return {"FINISHED"}
 
@@ -523,12 +512,12 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         if not Path(context.scene.kiriko.movie_path).name:
-            raise ImageError("The movie has no path: choose a file.")
+            raise ImageError("No file is chosen for the movie.")
         wish = self._wish(context)
         with self.run_of(context) as run, folder.made(wish.file.parent):
             yield from made(context, run, wish, self.tally, Message("allow overwriting"))
             remarks = self.tally.of_movies
             if warning := choose_picture.other_rate(context):
-                remarks.append(Message("But {warning}.", warning=warning))
+                remarks.append(warning)
             self.level = "WARNING" if remarks else "INFO"
             return joined([movie_report(wish, run), *remarks])

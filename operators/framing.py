@@ -1,4 +1,4 @@
-"""Framing: a new rig is selected, and the 3D view shows all of it. Only where there is a window."""
+"""Framing: select a new rig and show all of it in the 3D view, if there is a window."""
 
 from typing import Any
 
@@ -15,13 +15,20 @@ from ..core.blender.view.view_framing import Framed, Window, framed, in_sight, t
 from . import work
 from .windows import view_of
 
-BENCH = ("GLASS", "PLATE", "PICTURE", "DISPLAY")  # the viewer is so far that it would dwarf them
-LEAST_SEEN = 0.5  # of the corners of a new object: the view stays where as many are in sight
-_before: list[list[Any]] = []  # changes of views that rigs keep, as they are before undo or redo
+BENCH = (
+    "GLASS",
+    "PLATE",
+    "PICTURE",
+    "DISPLAY",
+)  # not the viewer: it is so far away that the other parts would be tiny
+LEAST_SEEN = 0.5  # of a new object's corners: with more in view, the view does not move
+_before: list[list[Any]] = []  # view changes stored by rigs, before undo or redo
 
 
 def select(context: bpy.types.Context, things: tuple[bpy.types.Object, ...]) -> None:
-    """Select these objects and no others; active is the one that is, else the first."""
+    """Select only these objects. The active object stays if it is one of them, else the first is
+    active.
+    """
     for thing in context.selected_objects:
         thing.select_set(False)
     for thing in things:
@@ -31,9 +38,9 @@ def select(context: bpy.types.Context, things: tuple[bpy.types.Object, ...]) -> 
 
 
 def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
-    """Show the whole bench in the 3D view that is worked in.
+    """Show all parts in the active 3D view.
 
-    Returns the changes of how near and far it sees, with the name of its screen.
+    Returns the changes of its clip distances, with the name of its screen.
     """
     area = view_of(context)
     if area is None:
@@ -65,8 +72,9 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
 
 
 def bring_into_sight(context: bpy.types.Context, thing: bpy.types.Object) -> None:
-    """Have the 3D view that is worked in show an object that was just made, and the bench, where
-    less than half of it would be seen; its direction stays, and so does a view by a camera.
+    """Frame a new object and the other parts in the active 3D view if less than half of it is
+    visible.
+    The view's direction stays; camera views do not move.
     """
     area = view_of(context)
     if area is None or area.spaces.active.region_quadviews:
@@ -91,13 +99,13 @@ def bring_into_sight(context: bpy.types.Context, thing: bpy.types.Object) -> Non
 
 
 def _bench(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """The parts of the active rig, but for its viewer."""
+    """The parts of the active rig without the viewer."""
     is_elsewhere = elsewhere(scene)
     return [t for t in scene.objects if t.kiriko.role in BENCH and not is_elsewhere(t)]
 
 
 def window_of(area: bpy.types.Area, is_perspective: bool = True) -> Window:
-    """The window of a 3D view, and how much of it sidebars and headers lie over."""
+    """The window of a 3D view, and the margins under sidebars and headers."""
     region = next(region for region in area.regions if region.type == "WINDOW")
     width, height = max(region.width, 1), max(region.height, 1)
     covered = dict.fromkeys(("LEFT", "RIGHT", "BOTTOM", "TOP"), 0)
@@ -117,20 +125,20 @@ def window_of(area: bpy.types.Area, is_perspective: bool = True) -> Window:
 
 
 def front_of(plane: bpy.types.Object) -> Floats:
-    """Where a new picture's front looks to, (3,)."""
+    """The direction (3,) of a new picture's front."""
     axis = np.array(plane.matrix_world)[:3, 2]
     return axis / np.linalg.norm(axis)
 
 
 def corners(thing: bpy.types.Object) -> Floats:
-    """Corners (8, 3) of the box around an object, world; its place alone where it has none."""
+    """Corners (8, 3) of an object's bounding box, world; only its location if it has none."""
     box = np.array(thing.bound_box) if thing.data is not None else np.zeros((1, 3))
     matrix = np.array(thing.matrix_world)
     return box @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _changes_of_views() -> list[list[Any]]:
-    """All that rigs keep of them: screen, path, value before and after."""
+    """View changes stored by all rigs: screen, path, value before and after."""
     rigs = (group for group in bpy.data.collections if group.library is None)
     views = (view for rig in rigs for view in rig.kiriko.views)
     return [[view.screen, view.path, view.before, view.after] for view in views]
@@ -138,14 +146,15 @@ def _changes_of_views() -> list[list[Any]]:
 
 @persistent
 def before_undo(*_: object) -> None:
-    """What rigs changed, while it is known."""
+    """Remember the view changes of rigs."""
     _before[:] = _changes_of_views()
 
 
 @persistent
 def on_undo(*_: object) -> None:
-    """Have views see as near and far as before a rig that is gone now, and as with one that is
-    back: undo leaves views alone.
+    """Restore the clip distances of a rig that undo removed, and set those of a rig that is back:
+    undo
+    does not change views.
     """
     there = _changes_of_views()
     gone = [one for one in reversed(_before) if one not in there]
@@ -165,10 +174,10 @@ HANDLERS = (
 
 
 def register() -> None:
-    """Follow undo."""
+    """Start following undo."""
     work.listen(HANDLERS)
 
 
 def unregister() -> None:
-    """Follow it no more."""
+    """Stop following undo."""
     work.stop_listening(HANDLERS)

@@ -1,6 +1,6 @@
-"""Look through viewer: a 3D view shows what the viewer sees, and shows again what it showed.
+"""Look Through Viewer: a 3D view switches to the viewer's camera and back.
 
-The scene's text is the truth: where undo or another file changes it, the views follow.
+The scene's stored text decides: after undo or a file change the views follow it.
 """
 
 from collections.abc import Iterator
@@ -17,21 +17,21 @@ from ..core.blender.view import looking_through, turned_views
 from . import compared, framing, live, make_glass, needed, telling, work
 from .windows import all_windows, redraw, view_of
 
-_entered: dict[int, str] = {}  # by session uid of the scene: the text of its views that are changed
-_windows: dict[int, int] = {}  # by the same: address of the window with that view
-_rigs: dict[int, int] = {}  # by the same: session uid of the rig that is looked through
-_paused: dict[int, tuple[str, list, list]] = {}  # text, views and things, during a save or load
-_turned: list[tuple] = []  # views of Before and After, during the same
-_live_began: list[int] = []  # scenes whose Live was begun here
+_entered: dict[int, str] = {}  # stored text of the changed views, by session uid of the scene
+_windows: dict[int, int] = {}  # address of the view's window, by the same key
+_rigs: dict[int, int] = {}  # session uid of the viewer's rig, by the same key
+_paused: dict[int, tuple[str, list, list]] = {}  # text, views and objects, during a save or load
+_turned: list[tuple] = []  # views of Before and After, during a save or load
+_live_began: list[int] = []  # scenes with Live started by this button
 
 
 def scenes() -> Iterator[bpy.types.Scene]:
-    """Scenes that a view looks at through the viewer."""
+    """Scenes with a view through the viewer."""
     return (scene for scene in bpy.data.scenes if scene.kiriko_scene.looking)
 
 
 def enter(context: bpy.types.Context) -> None:
-    """Look through, and begin Live."""
+    """Switch the view and start Live."""
     scene = context.scene
     _enter_area(scene, view_of(context))
     if not live.follows(scene):
@@ -40,20 +40,21 @@ def enter(context: bpy.types.Context) -> None:
 
 
 def _enter_area(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
-    """Have a 3D view look through the viewer that is shown."""
+    """Switch a 3D view to the visible viewer."""
     screen, _ = place_of(area)
     looking_through.enter(scene, screen.name, area.spaces.active, framing.window_of(area))
     _entered[scene.session_uid] = scene.kiriko_scene.looking
     _rigs[scene.session_uid] = rig_uid(scene)
     window = window_showing(area.spaces.active)
-    if window is not None:  # else the view is in another workspace of the same one
+    if window is not None:  # else the view belongs to another workspace
         _windows[scene.session_uid] = window.as_pointer()
 
 
 @contextmanager
 def apart(scene: bpy.types.Scene) -> Iterator[None]:
-    """Have no 3D view look through the viewer for a while, and then through the one that is shown
-    by then; one that shows something else by now stays.
+    """Restore the 3D view for a while, then switch it to the viewer visible by then, unless the
+    view
+    shows another camera.
     """
     views = looking_through.views(scene) if scene.kiriko_scene.looking else []
     shown = [space for space, _ in views]
@@ -73,9 +74,7 @@ def apart(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def turn_to_chosen(scene: bpy.types.Scene) -> None:
-    """Have a 3D view that looks through one of several viewers look through the chosen one; one
-    that shows something else by now stays.
-    """
+    """Switch the view to the chosen one of several viewers, unless it shows another camera."""
     views = looking_through.views(scene) if scene.kiriko_scene.looking else []
     viewer = viewer_of(scene)
     if not views or viewer is None or any(camera in (None, viewer) for _, camera in views):
@@ -85,12 +84,10 @@ def turn_to_chosen(scene: bpy.types.Scene) -> None:
 
 
 def is_lost(scene: bpy.types.Scene) -> bool:
-    """Is a scene looked at through the viewer of a rig that was deleted meanwhile, or in a window
-    that was closed?
-    """
+    """Whether a view's rig was deleted or its window closed."""
     if not scene.kiriko_scene.looking:
         return False
-    window = _windows.get(scene.session_uid)  # None of a copy of a scene
+    window = _windows.get(scene.session_uid)  # None for a copied scene
     if window is not None and window not in [one.as_pointer() for one in all_windows()]:
         return True
     viewer = viewer_of(scene)
@@ -100,7 +97,7 @@ def is_lost(scene: bpy.types.Scene) -> bool:
 
 
 def leave(scene: bpy.types.Scene) -> None:
-    """Put everything back; Live stops where it was begun here."""
+    """Restore everything. Live stops if this button started it."""
     looking_through.leave(scene)
     _forget(scene)
 
@@ -109,7 +106,7 @@ def _forget(scene: bpy.types.Scene) -> None:
     _entered.pop(scene.session_uid, None)
     _windows.pop(scene.session_uid, None)
     _rigs.pop(scene.session_uid, None)
-    compared.put_views_back()  # those that were left to this look
+    compared.put_views_back()  # views handed over by the comparison
     if scene.session_uid in _live_began:
         _live_began.remove(scene.session_uid)
         if live.follows(scene):
@@ -117,8 +114,8 @@ def _forget(scene: bpy.types.Scene) -> None:
 
 
 def _show_comparison(scene: bpy.types.Scene) -> None:
-    """Have a view that undo took the look from go on with the comparison, as by the button: else
-    that one's button would be pressed with nothing to be seen.
+    """Show the comparison in a view restored by undo; otherwise its pressed button would have no
+    effect.
     """
     window = next((window for window in all_windows() if window.scene == scene), None)
     if window is not None and compared.is_shown(scene):
@@ -127,7 +124,7 @@ def _show_comparison(scene: bpy.types.Scene) -> None:
 
 
 def follow() -> None:
-    """Have views and settings follow the scenes' texts, which undo or a file may have changed."""
+    """Update views and settings after undo or a new file has changed the scenes' texts."""
     for scene in bpy.data.scenes:
         text = _entered.get(scene.session_uid, "")
         if scene.kiriko_scene.looking and scene.kiriko_scene.looking != text:
@@ -141,14 +138,14 @@ def follow() -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """Settings may not be changed before undo is over."""
+    """Update views later: settings must not change before undo is over."""
     if (_entered or any(scenes())) and not bpy.app.timers.is_registered(follow):
         bpy.app.timers.register(follow, first_interval=0.0)
 
 
 @persistent
 def on_load(*_: object) -> None:
-    """A file that was saved by force, as by auto-save, may have the settings in it."""
+    """Restore the settings in a file saved without notice, for example by auto-save."""
     _entered.clear()
     _windows.clear()
     _rigs.clear()
@@ -161,19 +158,19 @@ def on_load(*_: object) -> None:
 
 @persistent
 def pause(*_: object) -> None:
-    """The artist's own settings are saved; and the views, which may stay when another file is
-    opened, show what they showed before.
+    """Restore settings and views before a save, so that the file has the artist's own, or before
+    another file is opened, which may leave views open.
     """
     for scene in list(scenes()):
         views, things = looking_through.views(scene), looking_through.things(scene)
         _paused[scene.session_uid] = scene.kiriko_scene.looking, views, things
         looking_through.leave(scene)
-    _turned[:] = turned_views.pause()  # which may be what the views looked like before
+    _turned[:] = turned_views.pause()  # possibly the previous state of the views
 
 
 @persistent
 def go_on(*_: object) -> None:
-    """The view goes on, after a save or a file that could not be opened."""
+    """Switch the view again after a save, or after a file failed to open."""
     turned_views.go_on(_turned)
     _turned.clear()
     for scene in bpy.data.scenes:
@@ -194,12 +191,12 @@ HANDLERS = (
 
 
 def register() -> None:
-    """Follow undo and files."""
+    """Start following undo and files."""
     work.listen(HANDLERS)
 
 
 def unregister() -> None:
-    """Put everything back, and follow no more."""
+    """Restore everything and stop following."""
     for scene in list(scenes()):
         leave(scene)
     if bpy.app.timers.is_registered(follow):
@@ -208,21 +205,21 @@ def unregister() -> None:
 
 
 def otherwise(scene: bpy.types.Scene) -> Message | None:
-    """A sentence on glass that Cycles shows otherwise than Kiriko follows it, if there is some: by
-    what Live has read, once it comes to rest.
+    """A sentence on glass that Cycles renders differently from Kiriko, from the last reading of
+    Live;
+    None if there is none.
     """
     followed = live.followed() if scene.kiriko_scene.looking and live.follows(scene) else None
     if followed is None or followed.problem or not followed.otherwise:
         return None
     return Message(
-        "Cycles shows the glass otherwise than it is, for {reasons}: press Before and After to"
-        " see it as it is followed.",
+        "Cycles renders the glass differently ({reasons}). Before and After shows Kiriko's view.",
         reasons=joined(followed.otherwise, "; "),
     )
 
 
 class KIRIKO_OT_look_through(bpy.types.Operator):
-    """Show what the viewer sees, in Cycles, with Live on; press again to have your view back"""
+    """Show the viewer's view in Cycles, with Live on; press again to return"""
 
     bl_idname = "kiriko.look_through"
     bl_label = "Look Through Viewer"
@@ -236,9 +233,9 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
 
         reasons = list(needed.missing_parts(scene))
         if not hasattr(scene, "cycles"):
-            reasons.insert(0, Message("It needs Cycles: enable the add-on Cycles Render Engine"))
+            reasons.insert(0, Message("Enable the add-on Cycles Render Engine"))
         if view_of(context) is None:
-            reasons.append(Message("It needs a 3D view: open one"))
+            reasons.append(Message("Open a 3D view"))
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -247,16 +244,14 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
             if scene.kiriko_scene.looking:
                 leave(scene)
                 if compared.is_shown(scene):
-                    compared.enter_view(context)  # it is seen there alone
+                    compared.enter_view(context)  # visible only in a view of its own
                 return {"FINISHED"}
 
             enter(context)
             glasses = needed.parts(scene).get("GLASS", ())
             opaque = [thing.name for thing in glasses if make_glass.can_be_given(thing)]
-            if opaque:  # short, for the status bar cuts off what is longer
-                text = Message(
-                    "Nothing is seen through {opaque}: press Make It Glass.", opaque=quoted(opaque)
-                )
+            if opaque:  # short: the status bar cuts off long texts
+                text = Message("{opaque} is opaque. Press Make It Glass.", opaque=quoted(opaque))
                 telling.report(self, "WARNING", text)
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -1,4 +1,4 @@
-"""Make it glass: give objects of glass a material that refracts."""
+"""Make It Glass: give glass a refractive material."""
 
 import bpy
 
@@ -13,11 +13,11 @@ from .part_verbs import NamesPart
 from .preset import GLASS_TIPS
 
 NAME = "Kiriko Glass"
-NOTHING = Message("Select glass whose material does not refract")
+NOTHING = Message("Select opaque glass")
 
 
 def can_be_given(thing: bpy.types.Object) -> bool:
-    """Is it glass whose own material does not refract, and can it have another?"""
+    """Whether an object is glass without a refractive material, and can get another one."""
     is_glass = thing.kiriko.role == "GLASS" and thing.is_editable and has_place(thing)
     scene = bpy.context.scene
     return is_glass and not refracts_as_shown(scene, thing) and has_own_faces(scene, thing)
@@ -35,9 +35,7 @@ def _is_any(scene: bpy.types.Scene) -> bool:
 def _setting_their_own(
     context: bpy.types.Context, things: list[bpy.types.Object]
 ) -> dict[bpy.types.Object, list[bpy.types.Modifier]]:
-    """Those of some objects whose modifiers set other materials than
-    those of their slots, with the modifiers that are on.
-    """
+    """The active modifiers of objects that assign other materials than the slots, by object."""
     context.view_layer.update()
     return {
         thing: [one for one in thing.modifiers if one.show_viewport]
@@ -47,7 +45,7 @@ def _setting_their_own(
 
 
 class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
-    """Give glass a clear material. Its own returns with Remove Rig"""
+    """Give glass a clear material; Remove Rig restores its own"""
 
     bl_idname = "kiriko.make_glass"
     bl_label = "Make It Glass"
@@ -57,7 +55,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
         name="Product",
         description="The glass that is made",
         items=[(name, name, tip) for name, tip in GLASS_TIPS.items()],
-        default="Acrylic",  # by whose index glass without a material is solved before
+        default="Acrylic",  # the index of glass without a material, so that results do not change
         options={"SKIP_SAVE"},
     )
 
@@ -79,7 +77,8 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
                 bpy.data.materials.remove(glass)
                 raise
 
-            kept = dict.fromkeys(name for thing in things for name in give(thing, glass))
+            for thing in things:
+                give(thing, glass)
             own = _setting_their_own(context, things)
             for thing in own:
                 set_by_modifier(thing, glass)
@@ -92,31 +91,15 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
             result.notes = "\n".join(
                 note for note in result.notes.splitlines() if not note.startswith(told)
             )
-            stays = (
-                Message(
-                    "; {names} stay{s} in the file",
-                    names=quoted(kept),
-                    s="s" if len(kept) == 1 else "",
-                )
-                if kept
-                else ""
-            )
             text = Message(
-                "{names}: {product} now, index {ior:g} (material '{glass}'){stays}.",
+                "{names}: now {product}, index {ior:g} (material '{glass}').",
                 names=names,
                 product=as_message(self.product),
                 ior=GLASSES[self.product].ior,
                 glass=glass.name,
-                stays=stays,
             )
             if own:
-                by = quoted(dict.fromkeys(one.name for before in own.values() for one in before))
-                why = (
-                    Message("A modifier sets it, after {by}, which set another.", by=by)
-                    if by
-                    else Message("A modifier sets it, for the linked mesh has no place for it.")
-                )
-                text = joined([text, why])
+                text = joined([text, Message("A new modifier assigns it.")])
             telling.report(self, "INFO", text)
 
             return {"FINISHED"}

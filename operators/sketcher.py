@@ -1,9 +1,9 @@
-"""Sketcher: keeps the sketch of each scene up to date that is looked at with the Kiriko tab open.
+"""Sketcher: keeps the sketch of each visible scene up to date while the Kiriko tab is open.
 
-Handlers only note that something may have changed. A timer of the application reads the scene, when
-that is due, makes it ready and traces a few rays, a little in each turn; nothing is done while the
-viewport is drawn. It uses the glass that the session has made ready, and leaves the session as it
-is. A scene whose reading takes long is left until it is quiet, so that a drag does not stutter.
+Handlers only note possible changes. A timer reads the scene when a reading is due, prepares it and
+traces a few rays, in short turns. Nothing is done while the viewport is drawn. The sketcher reuses
+the session's prepared glass without changing the session. A slow scene is read only when it is
+quiet, so that a drag does not stutter.
 """
 
 from collections.abc import Generator, Iterator
@@ -35,23 +35,23 @@ from ..core.rig.settings import Settings
 from . import chosen, needed, telling, windows, work
 
 TAB = "Kiriko"
-IDLE = 0.1  # s between two looks
-PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
-TURN = 0.02  # s after which a turn begins no other step
-SHARE = 2.0  # times as long as the last sketch took there is none after it,
-MOST_PAUSE = 0.5  # but s at the most
-HEAVY = 0.1  # s: a sketch with a longer step waits until it is quiet, longer during a drag
-QUIET = 0.3  # s without a change, for one that waits
-PATIENCE = 10.0  # s after an error that was not foreseen
+IDLE = 0.1  # s between two polls
+PAUSE = 0.01  # s between two turns, for redraws
+TURN = 0.02  # s: the longest turn, except for a single long step
+SHARE = 2.0  # pause after a sketch, in times its duration,
+MOST_PAUSE = 0.5  # and its limit in s
+HEAVY = 0.1  # s: a sketch with a longer step waits until the scene is quiet
+QUIET = 0.3  # s without a change
+PATIENCE = 10.0  # s after an unexpected error
 DONE = object()
 
 
 @dataclass(frozen=True, eq=False)
 class SketchDrawing:
-    """A sketch, as a scene shows it.
+    """The sketch of a scene.
 
-    metres : length of a Blender unit, m, in which the scene was read
-    contours : (n, 2, 3) m, of the glass, for views that look through the viewer
+    metres : length of a Blender unit, m, when the scene was read
+    contours : (n, 2, 3) m, of the glass, for Look Through Viewer
     """
 
     sketch: Sketch
@@ -61,16 +61,16 @@ class SketchDrawing:
 
 @dataclass(eq=False)
 class Sketched:
-    """A scene that is looked at.
+    """A visible scene.
 
-    kept, light : meshes and glass that need not be made again
-    changed_at : when the last change was noticed; None where all has been looked at
-    old_since : when the first change was noticed that is not drawn yet; None where all is drawn
-    is_faint : is it drawn as the scene as it was?
-    ended_at, spent : when the last sketch was done, and the s that it took
-    lasted : s of its longest step, where only places and settings had changed, and else; of the
-        processor, so that others' work does not count
-    key, plan_key : of all that was drawn last, and of the plan
+    kept, light : cached meshes and glass
+    changed_at : time of the last unread change; None if everything has been read
+    old_since : time of the first undrawn change; None if everything is drawn
+    is_faint : the drawing is out of date and dimmed
+    ended_at, spent : end of the last sketch, and its duration in s
+    lasted : CPU seconds of its longest step, by whether only places and settings had changed
+    key, plan_key : fingerprints of the last drawing and of the plan
+    edges : cached by mesh
     """
 
     kept: PlaceCache = field(default_factory=PlaceCache)
@@ -92,15 +92,15 @@ class Sketched:
     steps: Generator[object, None, None] | None = None
 
     def touch(self) -> None:
-        """Something has changed that may count."""
+        """Note a change."""
         self.changed_at = monotonic()
         if self.old_since is None:
             self.old_since = self.changed_at
 
     @property
     def is_old(self) -> bool:
-        """Is the drawing known to be old, or has nobody looked for long? Not one that will be drawn
-        anew soon, which would flicker.
+        """Whether the drawing is out of date for longer than a moment; dimming it at once would
+        flicker.
         """
         if self.changed_at is None and self.steps is None:
             self.old_since = None
@@ -108,7 +108,7 @@ class Sketched:
         return self.old_since is not None and monotonic() - self.old_since > wait
 
     def poll(self, scene: bpy.types.Scene) -> None:
-        """Look at the settings, of whose changes Blender does not tell."""
+        """Compare the settings; Blender does not report their changes."""
 
         def read() -> tuple[object, ...]:
             unit = scene.unit_settings.length_unit
@@ -118,14 +118,14 @@ class Sketched:
             self.touch()
 
     def is_due(self, is_held: bool) -> bool:
-        """Is it time to read the scene?
+        """Whether the scene is to be read now.
 
-        is_held : something is dragged, or played
+        is_held : a drag or playback is on
         """
         pause = min(SHARE * self.spent, MOST_PAUSE)
         if self.changed_at is None or monotonic() < self.ended_at + pause:
             return False
-        # one of which only places have changed is likely to be short
+        # a change of places only is usually short
         lasted = self.lasted.get(self.kept.is_whole, 0.0 if self.kept.is_whole else HEAVY)
         if lasted < HEAVY:
             return True
@@ -133,15 +133,13 @@ class Sketched:
         return monotonic() - self.changed_at >= wait
 
     def took(self, seconds: float) -> None:
-        """A step took so long."""
+        """Record the duration of a step."""
         self.spent += seconds
         self.lasted[self.is_short] = max(self.lasted.get(self.is_short, 0.0), seconds)
         self.ended_at = monotonic()
 
     def planning(self, rig: Rig, settings: Settings) -> Steps[Plan]:
-        """Make a rig that was checked ready to be traced. Another
-        viewer or picture needs nothing made ready.
-        """
+        """Plan a valid rig. Another viewer or picture needs no new plan."""
         key = _key(replace(rig, viewers=(), pictures=()), settings)
         if self.plan is None or key != self.plan_key:
             work.session().lend(self.light)
@@ -154,18 +152,18 @@ _sketched: dict[int, Sketched] = {}  # by session uid of the scene
 
 
 def drawing_of(scene: bpy.types.Scene) -> SketchDrawing | None:
-    """What is to be drawn over a scene, as far as it is known by now."""
+    """The drawing over a scene; None if there is none yet."""
     sketched = _sketched.get(scene.session_uid)
     return None if sketched is None else sketched.drawing
 
 
 def is_faint(scene: bpy.types.Scene) -> bool:
-    """Is that of the scene as it was?"""
+    """Whether the drawing is out of date."""
     return scene.session_uid in _sketched and _sketched[scene.session_uid].is_faint
 
 
 def erase(scene: bpy.types.Scene) -> None:
-    """Draw nothing over a scene until it was read again, for another of its rigs is active."""
+    """Clear a scene's drawing until the next reading, since another rig is active."""
     sketched = _sketched.get(scene.session_uid)
     if sketched is not None:
         sketched.drawing, sketched.steps, sketched.key = None, None, ""
@@ -173,7 +171,7 @@ def erase(scene: bpy.types.Scene) -> None:
 
 
 def is_looked_at(area: bpy.types.Area) -> bool:
-    """Does a 3D viewport show overlays, and its sidebar the Kiriko tab?"""
+    """Whether a 3D viewport shows overlays and the Kiriko tab."""
     space = area.spaces.active
     if area.type != "VIEW_3D" or not (space.show_region_ui and space.overlay.show_overlays):
         return False
@@ -181,7 +179,7 @@ def is_looked_at(area: bpy.types.Area) -> bool:
 
 
 def looks_through(scene: bpy.types.Scene, area: bpy.types.Area) -> bool:
-    """Whether a 3D viewport shows a scene by Look Through Viewer."""
+    """Whether a 3D viewport is in Look Through Viewer."""
     space = area.spaces.active
     return (
         area.type == "VIEW_3D"
@@ -193,7 +191,7 @@ def looks_through(scene: bpy.types.Scene, area: bpy.types.Area) -> bool:
 
 
 def views() -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """The viewports with a sketch, or with contours of the glass."""
+    """The viewports with a sketch or an outline of the glass."""
     for window in windows.all_windows():
         manager = window.id_data
         if manager.kiriko.show_overlay:
@@ -203,26 +201,24 @@ def views() -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
 
 
 def redraw(scene_uid: int) -> None:
-    """Have the viewports drawn again that show a scene's sketch."""
+    """Redraw the viewports of a scene's sketch."""
     for window, area in views():
         if window.scene.session_uid == scene_uid:
             area.tag_redraw()
 
 
 def tick() -> float:
-    """Called by the timer."""
+    """Do the timer's turn."""
     try:
         return PAUSE if draw_next() else IDLE
     except Exception as error:
-        telling.sentence(
-            error, Message("The overlay")
-        )  # which prints errors that were not foreseen
+        telling.sentence(error, Message("The overlay"))  # also prints unexpected errors
         _sketched.clear()
         return PATIENCE
 
 
 def draw_next() -> bool:
-    """Do a little for one scene that is looked at, if there is anything to do; is there more?"""
+    """Do one turn for one visible scene. Returns whether there is more to do."""
     shown = {window.scene.session_uid for window in windows.all_windows()}
     for gone in set(_sketched) - shown:
         del _sketched[gone]
@@ -249,12 +245,12 @@ def draw_next() -> bool:
 
 
 def begin(sketched: Sketched, window: bpy.types.Window) -> None:
-    """Read the scene that a window shows, and begin a sketch if anything is different."""
+    """Read the scene of a window, and begin a sketch if it differs."""
     started = thread_time()
     with bpy.context.temp_override(window=window):
         context = bpy.context
         context.view_layer.update()
-        sketched.changed_at = None  # the change that the update above told of is in the reading
+        sketched.changed_at = None  # this reading includes the change reported by the update above
         sketched.is_short = sketched.kept.is_whole
         scene = context.scene
         try:
@@ -272,13 +268,13 @@ def begin(sketched: Sketched, window: bpy.types.Window) -> None:
     sketched.lasted.pop(sketched.is_short, None)
     sketched.took(thread_time() - started)
     if key != sketched.key:
-        sketched.key, sketched.rig = key, rig  # held, so that no other mesh gets their ids
+        sketched.key, sketched.rig = key, rig  # referenced, so that no other mesh gets the same id
         wish = _SketchWish(settings if has_light else None, has_contours, metres)
         sketched.steps = _sketching(sketched, rig, wish)
 
 
 def advance(sketched: Sketched, scene_uid: int) -> None:
-    """Go on with a sketch for a turn."""
+    """Continue a sketch for one turn."""
     stop = perf_counter() + TURN
     while sketched.steps is not None and perf_counter() < stop:
         started = thread_time()
@@ -289,7 +285,7 @@ def advance(sketched: Sketched, scene_uid: int) -> None:
 
 
 class _SketchWish(NamedTuple):
-    """Settings for the light, None: without light; and whether contours are drawn."""
+    """Settings for the light, None for none, and whether contours are needed."""
 
     settings: Settings | None
     has_contours: bool
@@ -297,7 +293,7 @@ class _SketchWish(NamedTuple):
 
 
 def _sketching(sketched: Sketched, rig: Rig, wish: _SketchWish) -> Generator[object, None, None]:
-    """Sketch the rig, with its light if it can be solved."""
+    """Sketch a rig, with its light if it can be solved."""
     sketch = None
     if wish.settings is not None:
         with suppress(KirikoError):
@@ -315,7 +311,7 @@ def _sketching(sketched: Sketched, rig: Rig, wish: _SketchWish) -> Generator[obj
 
 
 def _contours(sketched: Sketched, rig: Rig, found: list[Floats]) -> Generator[object, None, None]:
-    """Append the contours of each glass to `found`; edges are cached as long as its mesh is."""
+    """Append the contours of each glass to `found`. Edges stay cached as long as their mesh."""
     before, sketched.edges = sketched.edges, {}
     for glass in rig.glasses:
         edges = before.get(glass.mesh)
@@ -328,9 +324,7 @@ def _contours(sketched: Sketched, rig: Rig, found: list[Floats]) -> Generator[ob
 
 
 def _key(rig: Rig, *others: object) -> str:
-    """Tells a rig from others, and all else that is drawn; meshes
-    that may be large, and are kept from reading to reading, by their ids.
-    """
+    """Fingerprint of a rig and everything else drawn. Large cached meshes count by their ids."""
     parts = tuple(
         (id(part.mesh), replace(part, mesh=None)) if role.is_curved else part
         for role, part in rig.parts()
@@ -340,7 +334,7 @@ def _key(rig: Rig, *others: object) -> str:
 
 @persistent
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Blender evaluated a change; whether it counts shows when the scene is read."""
+    """Note a change in Blender; the next reading decides whether it matters."""
     for sketched in _sketched.values():
         sketched.kept.notice(depsgraph)
         sketched.touch()
@@ -348,7 +342,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """Meshes that are kept may have been put back."""
+    """Drop cached meshes, which undo may have restored."""
     for sketched in _sketched.values():
         sketched.kept = PlaceCache()
         sketched.touch()
@@ -356,13 +350,13 @@ def on_undo(*_: object) -> None:
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file: nothing of the one before is drawn over it."""
+    """Drop all drawings before another file."""
     _sketched.clear()
 
 
 HANDLERS = (
     ("depsgraph_update_post", on_update),
-    ("frame_change_post", on_update),  # animated objects may stand elsewhere
+    ("frame_change_post", on_update),  # animated objects may have moved
     ("undo_post", on_undo),
     ("redo_post", on_undo),
     ("load_post", on_load),
@@ -370,11 +364,11 @@ HANDLERS = (
 
 
 def register() -> None:
-    """Begin to look."""
+    """Start the timer and handlers."""
     work.follow(tick, IDLE, HANDLERS)
 
 
 def unregister() -> None:
-    """Look no more."""
+    """Stop them."""
     work.stop_following(tick, HANDLERS)
     _sketched.clear()

@@ -150,7 +150,7 @@ def test_frames_that_are_there_stay_and_missing_ones_are_made(run, parts, tmp_pa
     (out / "f05.png").write_bytes(b"mine")
     assert run("solve", "--out", out, "--frames", "1,3,5", "--name", "f##") == 0
     assert "Wrote 1 frame to" in (told := capsys.readouterr().out)
-    assert "Already there: 2." in told
+    assert "Existing frames skipped: 2." in told
     assert contents(out) == {**made, "f05.png": b"mine"}
     assert run("solve", "--out", out, "--frames", "5", "--name", "f##", "--overwrite") == 0
     assert contents(out) == made
@@ -172,7 +172,7 @@ def test_frames_of_an_earlier_scene_are_stale(run, parts, tmp_path, capsys, chan
         scene.kiriko.tolerance *= 2
     is_same = change == "nothing"
     assert run(*words) == (0 if is_same else 1)
-    stale = "Frames solved for an earlier state of the scene: 3, the first is 1."
+    stale = "Frames of an earlier scene: 3, the first is 1."
     assert (stale in capsys.readouterr().err) != is_same
     assert run("solve", "--out", out, "--frames", "1-3") == 0
     assert (stale in capsys.readouterr().out) != is_same
@@ -180,7 +180,7 @@ def test_frames_of_an_earlier_scene_are_stale(run, parts, tmp_path, capsys, chan
     if not is_same:
         assert run("solve", "--out", out, "--frames", "1-2", "--overwrite") == 0
         assert run(*words) == 1
-        said = "Frames solved for an earlier state of the scene: 1, the first is 3."
+        said = "Frames of an earlier scene: 1, the first is 3."
         assert said in capsys.readouterr().err
         assert run(*words, "--overwrite") == 0
 
@@ -275,7 +275,7 @@ def test_a_frame_that_cannot_be_solved_is_told_and_the_others_are_made(
         glass.keyframe_insert("hide_render", frame=frame)
     assert run("solve", "--out", folder(tmp_path), "--frames", "1-3") == 1
     told = capsys.readouterr().err
-    assert "1 failed, the first of them frame 2: " in told
+    assert "1 failed, first frame 2: " in told
     assert sorted(contents(folder(tmp_path))) == ["source_0001.png", "source_0003.png"]
     errors = [line["error"] for line in log(folder(tmp_path))]
     assert errors[0] is errors[2] is None
@@ -304,10 +304,7 @@ def test_a_frame_of_a_killed_process_is_made_again(run, parts, tmp_path, capsys,
     assert run(*ask, "--placeholders") == 0
     told = capsys.readouterr().out
     assert "Wrote 2 frames" in told
-    assert (
-        "Left out: 1, with an empty placeholder file of another process. If that process was"
-        " stopped, delete the empty files or solve without Placeholders." in told
-    )
+    assert "Claimed by another process: 1." in told
     assert [len(one) > 100 for _, one in sorted(contents(out).items())] == [True, False, True]
 
     if way == "deleted":

@@ -251,7 +251,7 @@ def test_a_plane_that_cannot_be_fitted_says_why(scene, capfd, way, reason):
     before = np.array(thing.matrix_world)
     capfd.readouterr()
     assert choose(image(90, 30)) == {"FINISHED"}
-    assert f"but the plane keeps its shape, for {reason}." in capfd.readouterr().out
+    assert f"'thing' keeps its shape, for {reason}." in capfd.readouterr().out
     assert texture_of(thing).image.name == "art"
     assert np.array_equal(np.array(thing.matrix_world), before)
 
@@ -331,7 +331,7 @@ def test_buttons_say_which_picture_they_need(scene):
     With none, or two of which none is active, they are grey.
     """
     chosen = image(90, 30)
-    with pytest.raises(RuntimeError, match="Select the picture"):
+    with pytest.raises(RuntimeError, match="Select an object with the role Picture"):
         choose(chosen)
     first = picture_plane()
     with pytest.raises(RuntimeError, match="The file has no image 'none': open it"):
@@ -410,10 +410,6 @@ def test_what_others_show_is_not_changed(read, capfd, way):
     assert shared.image == lattice
     if way != "group":
         assert picture.material_slots[0].material != material
-        assert (
-            f"by the new material '{picture.material_slots[0].material.name}'"
-            in capfd.readouterr().out
-        )
         assert other.material_slots[0].material == material
     else:
         assert picture.material_slots[0].material == material
