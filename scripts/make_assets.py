@@ -1,8 +1,8 @@
-"""Makes assets/: the plate's materials as an asset library, each
-with a render of a mid-air image as its picture.
+"""Makes assets/: the plate's materials as an asset library, each with a render of a mid-air image
+as its preview.
 
-And the README's picture of such a plate. Runs in the oldest supported Blender, whose files all
-later ones open: `PYTHONPATH=.dev/link .dev/bpy-4.2.23/bin/python scripts/make_assets.py`
+Runs in the oldest supported Blender, whose files all later ones open:
+`PYTHONPATH=.dev/link .dev/bpy-4.2.23/bin/python scripts/make_assets.py`
 """
 
 from __future__ import annotations
@@ -27,13 +27,10 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "assets"
 CATALOGUE = "Kiriko"
 CATALOGUE_ID = str(uuid.uuid5(uuid.NAMESPACE_URL, "kiriko/plates"))  # the same each time
-# of the materials' pictures
+# of the materials' previews
 PIXELS = 128
 SAMPLES = 256
-# of the README's
-PICTURE = ROOT / "docs" / "pictures" / "plate.png"
-PICTURE_PIXELS = 512
-PICTURE_FIELD = 0.5
+FIELD = 0.34  # m
 
 MATERIALS = {
     "Kiriko Plate": (
@@ -74,11 +71,9 @@ def emblem(size: int = 256) -> np.ndarray:
     return light.astype(np.float32)
 
 
-def stage(
-    material: bpy.types.Material, pixels: int, samples: int, field: float = 0.34
-) -> bpy.types.Scene:
-    """A display below a plate at 45 degrees, in the material,
-    seen by a camera 1 m before the mid-air image.
+def stage(material: bpy.types.Material) -> bpy.types.Scene:
+    """A display below a plate at 45 degrees, in the material, and a camera 1 m in front of the
+    mid-air image.
     """
     scene = bpy.data.scenes.new("Stage")
     bench = Workbench(scene, "Stage")
@@ -88,26 +83,23 @@ def stage(
     display = bench.rectangle("Display", at.display, 0.1, 0.1)
     image = bench.keep(image_from_pixels("Emblem", emblem()))
     display.data.materials.append(bench.material("Display", lambda m: shaders.show_image(m, image)))
-    scene.camera = bench.camera("Camera", at.viewer, 1.0, field)
+    scene.camera = bench.camera("Camera", at.viewer, 1.0, FIELD)
     scene.world = bench.keep(bpy.data.worlds.new("Dim"))
     scene.world.color = (0.01, 0.01, 0.012)
     render = scene.render
     render.engine = "CYCLES"
-    render.resolution_x = pixels
-    render.resolution_y = pixels
-    scene.cycles.samples, scene.cycles.use_denoising = samples, False
+    render.resolution_x = PIXELS
+    render.resolution_y = PIXELS
+    scene.cycles.samples, scene.cycles.use_denoising = SAMPLES, False
     scene.view_settings.view_transform = "Standard"
 
     return scene
 
 
-def rendered(scene: bpy.types.Scene, path: Path | None = None) -> np.ndarray:
-    """The scene's picture (h, w, 4), encoded 0..1, row 0 at the top.
-
-    Written as PNG where asked for.
-    """
+def rendered(scene: bpy.types.Scene) -> np.ndarray:
+    """The scene's picture (h, w, 4), encoded 0..1, row 0 at the top."""
     with tempfile.TemporaryDirectory() as folder:
-        scene.render.filepath = str(path or Path(folder) / "picture.png")
+        scene.render.filepath = str(Path(folder) / "picture.png")
         scene.render.image_settings.color_mode = "RGB"
         bpy.ops.render.render(scene=scene.name, write_still=True)
         image = bpy.data.images.load(scene.render.filepath)
@@ -129,7 +121,7 @@ def asset(name: str) -> bpy.types.Material:
     material.asset_data.catalog_id = CATALOGUE_ID
     for tag in ("Kiriko", "mid-air image", *tags):
         material.asset_data.tags.new(tag)
-    picture = rendered(stage(material, PIXELS, SAMPLES))
+    picture = rendered(stage(material))
     preview = material.preview_ensure()
     preview.image_size = PIXELS, PIXELS
     preview.image_pixels_float.foreach_set(picture[::-1].ravel())
@@ -155,9 +147,6 @@ def main() -> None:
     )
     catalogue = f"VERSION 1\n\n{CATALOGUE_ID}:{CATALOGUE}:{CATALOGUE}\n"
     (FOLDER / "blender_assets.cats.txt").write_text(catalogue, encoding="utf-8")
-    scene = stage(bpy.data.materials["Kiriko Plate"], PICTURE_PIXELS, SAMPLES, PICTURE_FIELD)
-    scene.world.color = (0.05, 0.05, 0.05)  # so that the plate is seen, too
-    rendered(scene, PICTURE)
     print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
 
 

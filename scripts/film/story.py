@@ -14,12 +14,15 @@ from manual.steps import Still, Until
 
 PIXELS = 800
 AT_WORK = 9  # frames of the solve
-TIP, NOTCH, RING = 0.90, 0.35, 0.95  # radii of the star and of the ring around it
-LARGER = 1.25  # times the picture of Add Rig, which shows the distortion better
+TIP, NOTCH = 0.92, 0.36  # radii of the star
+SIDE, CORNERS = 0.98, 1.58  # of the frame: x of its sides, x + y of its cut corners
 
 
 def star() -> bpy.types.Image:
-    """A golden star on a blue grid in a ring; transparent outside."""
+    """A golden star on a blue grid in a frame of eight sides; transparent outside.
+
+    Its corners would be visible next to the ball.
+    """
     y, x = (np.mgrid[:PIXELS, :PIXELS] + 0.5) / PIXELS * 2 - 1
     y = -y
     radius, angle = np.hypot(x, y), np.arctan2(x, y)
@@ -30,12 +33,13 @@ def star() -> bpy.types.Image:
     normal = np.array([notch[1], TIP - notch[0]]) / np.hypot(notch[1], TIP - notch[0])
     side = radius * (np.cos(apart) * normal[0] + np.sin(apart) * normal[1]) - TIP * normal[0]
     grid = np.minimum(np.abs((x * 3 + 0.5) % 1 - 0.5), np.abs((y * 3 + 0.5) % 1 - 0.5)) / 3
-    from_middle = np.hypot(x, y)
+    far = np.sort(np.abs([x, y]), axis=0)
+    frame = np.maximum(far[1], (far[0] + far[1]) * SIDE / CORNERS) - SIDE
     colour = np.zeros((PIXELS, PIXELS, 4), np.float32)
-    colour[..., 3] = from_middle < RING
+    colour[..., 3] = frame < 0
     for distance, of in (
         (grid - 0.008, (0.10, 0.30, 0.75)),
-        (np.abs(from_middle - RING) - 0.025, (0.45, 0.70, 1.0)),
+        (np.abs(frame + 0.025) - 0.025, (0.45, 0.70, 1.0)),
         (side, (1.0, 0.80, 0.25)),
         (side + 0.05, (0.95, 0.42, 0.08)),
     ):
@@ -86,24 +90,24 @@ def story(player: Recorder) -> Iterator[float]:
     yield from player.move(region.x + 0.55 * region.width, region.y + 0.35 * region.height)
 
     player.scene = 1
-    yield from player.take(0.5)
+    yield from player.take(0.3)
     yield from player.click(IN_THE_GLASS, 8)
     yield from player.until(Until("has_rig", 400))
     picture = next(t for t in bpy.context.scene.objects if t.kiriko.role == "PICTURE")
     picture.kiriko.image = star()
-    picture.scale *= LARGER
-    bpy.ops.kiriko.fit_display()
+    scenes.small_display()
     yield from wait(player, 3.0)
-    yield from player.take(0.8)
+    yield from player.take(0.7)
 
     player.scene = 2
     yield from player.click(SOLVE, 6)
     first = len(player.frames)
     while not scenes.is_solved():
+        yield 1.0  # frames in between would delay the work
         yield from player.take(1 / RATE)
     player.thin_out(first, AT_WORK)
     yield from wait(player, 3.0)
-    yield from player.take(0.6)
+    yield from player.take(0.5)
     yield from wipe(player)
 
     player.scene = 4
@@ -112,7 +116,7 @@ def story(player: Recorder) -> Iterator[float]:
     yield from player.click(LOOK, 5)
     yield from player.until(Until("is_seen", 400))
     yield from player.still(Still(12.0))
-    yield from player.take(1.2)
+    yield from player.take(1.3)
     player.write()
 
 
@@ -138,7 +142,7 @@ def wipe(player: Recorder) -> Iterator[float]:
     ours.wipe = 1.0
     yield from wait(player, 1.0)
     player.scene = 0
-    yield from player.take(1.2)
+    yield from player.take(1.0)
     player.scene = 3
     ours.wipe = 0.85
     yield from player.move(*place(0.85))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import bmesh
 import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from fuzz.shapes import linked, mesh_of
 from kiriko.core.base.arrays import Floats
@@ -56,6 +57,22 @@ def block(name: str, size: Place, at: Place, material: bpy.types.Material) -> bp
     thing.scale, thing.location = size, at
     mesh.materials.append(material)
     return thing
+
+
+def rounded(
+    name: str, size: Place, radius: float, material: bpy.types.Material
+) -> bpy.types.Object:
+    """A slab with round corners, seen from the front."""
+    mesh = mesh_of("cube", size=1.0)
+    mesh.transform(Matrix.Diagonal((*size, 1.0)))
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    deep = [edge for edge in shape.edges if abs(edge.verts[0].co.y - edge.verts[1].co.y) > 1e-6]
+    bmesh.ops.bevel(shape, geom=deep, offset=radius, segments=10, profile=0.5, affect="EDGES")
+    shape.to_mesh(mesh)
+    shape.free()
+    mesh.materials.append(material)
+    return linked(mesh, name)
 
 
 def wood() -> bpy.types.Material:
