@@ -1,1 +1,1 @@
-"""Maps for a head that moves: warp maps over a grid of its places."""
+"""Warp maps for a moving head, over a grid of head positions."""

@@ -1,4 +1,4 @@
-"""An atlas: a folder of warp maps over a grid of heads, with an index; planned, made, checked."""
+"""The atlas: a folder of warp maps over a grid of head positions, with an index."""
 
 import json
 from collections.abc import Callable, Generator, Iterable
@@ -25,8 +25,8 @@ from .head_map import HeadMap, Refined, check, map_at, refine, solved_at
 from .heads import AXES, HeadBox, HeadGrid, Offset
 
 INDEX = "index.json"
-FORM = 1  # of the index
-BYTES_A_PIXEL = 3  # of a source image, before its file makes it smaller
+FORM = 1  # version of the index format
+BYTES_A_PIXEL = 3  # of a source image, uncompressed
 CONVENTION = (
     "axes: places of the head, m, to the right, up and forward of `origin`, along the rows of"
     " `frame` (world).",
@@ -41,14 +41,15 @@ CONVENTION = (
 
 @dataclass(frozen=True)
 class Atlas:
-    """What the index tells.
+    """Contents of the index.
 
-    rig : fingerprint of the rig, and of the settings, that the maps are of
-    origin, frame : the viewer's own place, (3,) m, and its axes (3, 3)
+    rig : fingerprint of the rig and of the settings
+    origin, frame : the viewer's own position, (3,) m, and its axes (3, 3)
     picture_size, display_size : (width, height) px
-    tolerance : px of the picture
-    image_key : fingerprint of what the source images beside the maps are of; None: there are none
-    planned : what refining told; checked : what heads at random places told
+    tolerance : picture px
+    image_key : fingerprint of the source images, None without source images
+    planned : results of the refinement
+    checked : results of the check at random head positions
     """
 
     rig: str
@@ -65,17 +66,17 @@ class Atlas:
 
     @property
     def has_images(self) -> bool:
-        """Is there a source image beside each map?"""
+        """Whether each map comes with a source image."""
         return self.image_key is not None
 
     @property
     def maps(self) -> list[str]:
-        """The files of the maps, a place after the other."""
+        """File names of the maps, in the grid's order."""
         return [map_name(offset) for offset in self.grid.offsets()]
 
     @property
     def images(self) -> list[str]:
-        """The files of the source images, likewise."""
+        """File names of the source images, in the grid's order."""
         if not self.has_images:
             return []
         return [f"source_{_in_name(offset)}.png" for offset in self.grid.offsets()]
@@ -84,7 +85,7 @@ class Atlas:
 def new(
     rig: Rig, viewer: Viewer, key: str, refined: Refined, tolerance: float, image_key: str | None
 ) -> Atlas:
-    """The atlas of a viewer's head with a grid that is fine enough; key: the rig's fingerprint."""
+    """The atlas of a viewer on a refined grid; `key` is the rig's fingerprint."""
     place, display = rig.picture_place, rig.display
     return Atlas(
         rig=key,
@@ -105,7 +106,7 @@ def new(
 
 
 def write(folder: Path, atlas: Atlas) -> None:
-    """Write the index of an atlas, whole or not at all."""
+    """Write the index of an atlas atomically."""
     told = {
         "form": FORM,
         "rig": atlas.rig,
@@ -128,11 +129,11 @@ def write(folder: Path, atlas: Atlas) -> None:
 
 
 def read(folder: Path) -> Atlas | None:
-    """The atlas in a folder; None where there is none.
+    """The atlas in a folder; None without an index.
 
     Raises
     ------
-    ImageError : its index cannot be understood
+    ImageError : the index is malformed
     """
     path = folder / INDEX
     if not disk.is_there(path):
@@ -170,24 +171,24 @@ def read(folder: Path) -> Atlas | None:
 
 
 def random_heads(grid: HeadGrid, n: int, seed: int = 0) -> list[Offset]:
-    """Places in the box of a grid, the same whenever it is asked."""
+    """Reproducible random positions in the box of a grid."""
     within = np.random.default_rng(seed).random((n, 3))
     low, high = np.array(grid.box.low), np.array(grid.box.high)
     return [tuple(offset) for offset in (low + within * (high - low)).tolist()]
 
 
 def map_name(offset: Offset) -> str:
-    """The file of a place's map."""
+    """File name of the map at an offset."""
     return f"map_{_in_name(offset)}.npz"
 
 
 def _in_name(offset: Offset) -> str:
-    """A place as it stands in names of files, mm; a grid of more places keeps the names."""
+    """An offset in file names, mm; halving the grid does not change it."""
     return "_".join(f"{1e3 * x + 0.0:+.4f}" for x in offset)
 
 
 def amount(atlas: Atlas) -> Message:
-    """How many places, how long they take and how large they are, before they are made."""
+    """Estimated number of positions, time and size."""
     n = len(atlas.grid)
     told = Message(
         "{n} places of the head ({right} right, {up} up, {forward} forward): about"
@@ -205,17 +206,17 @@ def amount(atlas: Atlas) -> Message:
 
 
 SaveImage = Callable[[Path, NDArray[np.float32]], None]
-CHECKED = 8  # heads
+CHECKED = 8  # head positions
 
 
 @dataclass(frozen=True, eq=False)
 class Making:
-    """What an atlas is made of, and where.
+    """Inputs and output folder of an atlas.
 
     viewer : of the rig, whose head moves
-    known : maps that planning traced, by their files' names; each is let go when it is written
-    save_image : writes a source image to a new file; None where none can be written
-    has_images : are source images asked for?
+    known : maps traced by planning, by file name; each is released once written
+    save_image : writes a source image to a new file; None if no image can be written
+    has_images : whether source images are requested
     """
 
     session: Session
@@ -229,28 +230,31 @@ class Making:
 
     @cached_property
     def key(self) -> str:
-        """Fingerprint of all that the maps depend on."""
+        """Fingerprint of everything the maps depend on."""
         rig = replace(self.rig, pictures=(self.rig.picture_place,))
         return fingerprint(rig, self.viewer, self.settings.of_optics)
 
     @cached_property
     def image_key(self) -> str:
-        """The same, of the source images."""
+        """Fingerprint of everything the source images depend on."""
         return fingerprint(self.rig, self.viewer, self.settings)
 
     def at(self, offset: Offset) -> Generator[float, None, HeadMap]:
-        """The map of the head at an offset; yields progress 0..1."""
+        """The map of the head at an offset. Yields progress 0..1."""
         return map_at(self.session, self.rig, self.viewer, self.settings, offset)
 
 
 def missing(folder: Path, atlas: Atlas) -> list[int]:
-    """The numbers of the places whose files are not there, whole files as they all are."""
+    """Numbers of the positions with missing files. Files are written atomically, so an existing
+    file
+    is complete.
+    """
     names = zip(atlas.maps, atlas.images or atlas.maps, strict=True)
     return [k for k, files in enumerate(names) if not all((folder / f).exists() for f in files)]
 
 
 def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[float, None, int]:
-    """Write the files of places, by their numbers; yields progress 0..1, returns how many were
+    """Write the missing files of numbered positions. Yields progress 0..1, returns how many were
     missing.
     """
     wanted = sorted(set(numbers) & set(missing(making.folder, atlas)))
@@ -272,8 +276,8 @@ def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[floa
 
 
 def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, None, Atlas]:
-    """Compare heads at random places, blended and traced; yields progress 0..1, returns the atlas
-    with what was found, which its index tells from now on.
+    """Compare blended with traced maps at `n` random head positions, and write the result to the
+    index. Yields progress 0..1, returns the updated atlas.
 
     Raises
     ------
@@ -310,12 +314,12 @@ def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, 
 
 
 def is_fine(atlas: Atlas) -> bool:
-    """Does an atlas that was checked keep its tolerance?"""
+    """Whether a checked atlas meets its tolerance."""
     return atlas.checked["most_px"] <= atlas.tolerance
 
 
 def refuse_too_coarse(atlas: Atlas) -> None:
-    """Raise RigError where it does not."""
+    """Raise RigError if a checked atlas misses its tolerance."""
     if not is_fine(atlas):
         raise RigError(
             "With {n} places of the head blending is {off:.3g} px off, of {tolerance:g}: make it"
@@ -327,9 +331,10 @@ def refuse_too_coarse(atlas: Atlas) -> None:
 
 
 def finer(atlas: Atlas, most: int) -> Atlas:
-    """The atlas with its worst axis halved; RigError where it would have more than `most` places.
+    """The atlas with its worst axis halved; RigError above `most` positions.
 
-    Lines through the middle of the box told less than its corners have.
+    Needed because the box's corners can be worse than the lines through its middle, which planning
+    measures.
     """
     off = atlas.planned["off"]
     axis = max(off, key=lambda name: off[name]["most"])
@@ -343,7 +348,7 @@ def finer(atlas: Atlas, most: int) -> Atlas:
             most=most,
         )
 
-    # to a quarter with each halving, where the map is smooth
+    # the error of a smooth map falls to a quarter with each halving
     less = {**off, axis: {**off[axis], "most": off[axis]["most"] / 4}}
     return replace(atlas, grid=grid, planned={**atlas.planned, "off": less}, checked=None)
 
@@ -351,9 +356,10 @@ def finer(atlas: Atlas, most: int) -> Atlas:
 def halved(
     making: Making, atlas: Atlas, most: int, n: int = CHECKED
 ) -> Generator[float, None, Atlas]:
-    """Check an atlas, and halve its grid where it misses its tolerance; yields progress 0..1.
+    """Check an atlas, and halve its grid if it misses its tolerance. Yields progress 0..1.
 
-    One that lacks places stays: it was halved before. So whoever asks twice gets the same.
+    An atlas with missing positions is returned unchanged: it has already been halved, and a
+    repeated task must give the same result.
     """
     if missing(making.folder, atlas):
         return atlas
@@ -367,15 +373,15 @@ def halved(
 def whole(
     making: Making, atlas: Atlas, most: int, n: int = CHECKED
 ) -> Generator[float, None, Atlas]:
-    """Make all places of a planned atlas and check it, halved until it keeps its tolerance; yields
-    progress 0..1.
+    """Make all positions of a planned atlas, check it, and halve it until it meets its tolerance.
+    Yields progress 0..1.
     """
     done = 0.0
     while True:
         to_do = len(missing(making.folder, atlas))
         end = done + (1 - done) * to_do / (to_do + n)
         yield from subprogress(made(making, atlas, range(len(atlas.grid))), done, end)
-        done = (end + 1) / 2  # it may have to be finer
+        done = (end + 1) / 2  # another halving may follow
         atlas = yield from subprogress(halved(making, atlas, most, n), end, done)
         if atlas.checked is not None:
             yield 1.0
@@ -383,23 +389,23 @@ def whole(
 
 
 def share(atlas: Atlas, number: int, of: int) -> range:
-    """The numbers of the places that are one of so many shares of an atlas, counted from 1."""
+    """Numbers of the positions in one of `of` shares; shares count from 1."""
     return range(number - 1, len(atlas.grid), of)
 
 
 def planned(
     making: Making, box: HeadBox, tolerance: float, most: int, overwrite: bool, remedy: str
 ) -> Generator[float, None, Atlas]:
-    """Find how fine the grid has to be, and write the index; yields progress 0..1.
+    """Find a fine enough grid and write the index. Yields progress 0..1.
 
-    Maps in the folder that are of the same rig stay, others go where they may. Source images that
-    are asked for later are made beside the maps; those that are there stay, asked for or not.
+    Maps of the same rig in the folder are reused, others removed if `overwrite` is set. Existing
+    source images stay, requested or not.
 
     Raises
     ------
     RigError, MeshError : the rig cannot be solved somewhere in the box, or not finely enough
-    ImageError : an atlas of another rig or box, or source images of another picture, are there, and
-        `overwrite` is not set; `remedy` ends the sentence
+    ImageError : the folder has an atlas of another rig or box, or source images of another picture,
+        and `overwrite` is not set; `remedy` ends the message
     """
     rig = making.rig
     check(rig, making.viewer, box, tolerance, most)
@@ -425,7 +431,7 @@ def planned(
                 remedy=remedy,
             )
         refined = yield from refine(making.at, box, rig.picture_place, tolerance, most)
-        if image_key is None:  # else their source images are wanted, too
+        if image_key is None:  # with source images, each position is solved again
             found = refined.maps.items()
             making.known.update((map_name(offset), one) for offset, one in found)
         atlas = new(rig, making.viewer, making.key, refined, tolerance, image_key)
@@ -439,9 +445,9 @@ def planned(
 
 
 def _image_key(making: Making, before: Atlas | None, overwrite: bool, remedy: str) -> str | None:
-    """Fingerprint of the source images that an atlas has; None where there are to be none.
+    """Fingerprint of the planned source images; None without source images.
 
-    before : the atlas of the same rig that is there
+    before : existing atlas of the same rig
     """
     if before is not None and before.has_images:
         if before.image_key == making.image_key:
@@ -457,8 +463,8 @@ def _image_key(making: Making, before: Atlas | None, overwrite: bool, remedy: st
 
 
 def _has_places_of_another_box(folder: Path, atlas: Atlas | None, box: HeadBox) -> bool:
-    """Are files of an atlas there that would go, since hardly a place of another box is one of
-    this one?
+    """Whether a new box would discard existing files. Boxes hardly ever have positions in
+    common.
     """
     if atlas is None or atlas.grid.box == box:
         return False
@@ -479,8 +485,9 @@ def _remove(folder: Path, names: Iterable[str]) -> None:
 
 
 def planned_before(making: Making) -> Atlas:
-    """The atlas whose index is in the folder; RigError where it is of another rig, or its source
-    images are of another picture.
+    """The atlas in the folder; RigError if it belongs to another rig, or its source images to
+    another
+    picture.
     """
     atlas = read(making.folder)
     if atlas is None:

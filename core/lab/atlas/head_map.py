@@ -1,7 +1,7 @@
-"""The warp map of one place of the head, the one that readers blend, and how fine the grid must be.
+"""The warp map of one head position, the blending of maps, and the refinement of the grid.
 
-Maps are blended only where they show a display pixel by the same path: between two paths a mean of
-two places of the picture is neither.
+Maps are blended only at display pixels seen by the same path in each: the mean of two picture
+positions on different paths is on neither.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -35,11 +35,11 @@ Singles = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class HeadMap:
-    """For each display pixel the place of the picture that a head sees there.
+    """The picture position seen at each display pixel from one head position.
 
-    st : (h, w, 2) places 0..1 from the picture's left and lower edge, NaN where there is none
+    st : (h, w, 2) 0..1 from the picture's left and lower edge, NaN if nothing is seen
     coverage : (h, w) 0..1, of each pixel
-    path : (h, w) uint32, by which path it is seen; 0 where that is not known
+    path : (h, w) uint32, 0 if unknown
     """
 
     st: Singles
@@ -53,13 +53,13 @@ class HeadMap:
 
 
 def head_map(channel: Channel) -> Generator[float, None, HeadMap]:
-    """The map of a solved channel; yields progress 0..1."""
+    """The map of a solved channel. Yields progress 0..1."""
     grid = middles(channel.view_map.display_size)
     places = yield from view_from_display(channel.plan, channel.view_map, grid)
     place, coverage = channel.plan.rig.picture_place, channel.coverage.of_display
     found = of_places(place, channel.viewer, grid, places, coverage)
 
-    # half of the bits tell a few paths apart as well
+    # 32 bits are enough to distinguish a few paths
     path = np.where(places.path == NO_PATH, np.uint64(0), places.path)
     short = ((path >> np.uint64(32)) ^ path).astype(np.uint32)
     return HeadMap(
@@ -71,10 +71,10 @@ def head_map(channel: Channel) -> Generator[float, None, HeadMap]:
 
 @dataclass(frozen=True, eq=False)
 class Blended:
-    """A map between others.
+    """A blended map.
 
-    is_whole : (h, w) do all of them show the pixel by the same path? Elsewhere a path begins or
-        ends between them, and their nearest ones count.
+    is_whole : (h, w) whether all blended maps see the pixel by the same path. At other pixels a
+        path begins or ends between the maps, and only maps with the chosen path count.
     """
 
     map: HeadMap
@@ -82,9 +82,10 @@ class Blended:
 
 
 def between(maps: Sequence[HeadMap], weights: Floats) -> Blended:
-    """The map between several, by their weights (n,), which make 1.
+    """Blend maps by weights (n,) with sum 1.
 
-    The nearest map that shows a pixel says by which path; others count that show it by the same.
+    Each pixel has the path of the nearest map with coverage there; maps with another path do not
+    count.
     """
     coverage = sum(np.float32(w) * one.coverage for w, one in zip(weights, maps, strict=True))
     path = np.zeros_like(maps[0].path)
@@ -110,11 +111,10 @@ def between(maps: Sequence[HeadMap], weights: Floats) -> Blended:
 
 @dataclass(frozen=True)
 class Off:
-    """How far a blended map is off the one that was traced.
+    """Error of a blended map against the traced map.
 
-    median, most : px of the picture, where all maps show a pixel by one path; `most` is that of the
-        part SURE of them
-    at_borders : the other part, of all pixels that either map shows
+    median, most : picture px, over pixels with one path in all maps; `most` is the quantile at SURE
+    at_borders : fraction of the other pixels, among all covered pixels of both maps
     """
 
     median: float
@@ -126,7 +126,7 @@ SURE = 0.95
 
 
 def off(blended: Blended, true: HeadMap, picture_size: tuple[int, int]) -> Off:
-    """How far a map that was blended is off the one that was traced, px of the picture."""
+    """Error of a blended map against the traced map."""
     found = blended.map
     n_shown = int(((found.coverage > 0) | (true.coverage > 0)).sum())
     is_smooth = blended.is_whole & (true.coverage > 0) & (true.path == found.path)
@@ -139,19 +139,19 @@ def off(blended: Blended, true: HeadMap, picture_size: tuple[int, int]) -> Off:
 
 
 def as_bytes(found: HeadMap) -> bytes:
-    """The file of a map."""
+    """The map as .npz bytes."""
     file = BytesIO()
     np.savez_compressed(file, st=found.st, coverage=found.coverage, path=found.path)
     return file.getvalue()
 
 
 def write(path: Path, found: HeadMap) -> None:
-    """Write a map as .npz, whole or not at all; the same map gives the same bytes."""
+    """Write a map as .npz, atomically; the same map gives the same bytes."""
     disk.write_bytes(path, as_bytes(found))
 
 
 def read(path: Path) -> HeadMap:
-    """A map that was written; ImageError where there is none."""
+    """Read a map; ImageError if the file is missing or malformed."""
     data = disk.read_bytes(path)
     try:
         with np.load(BytesIO(data)) as arrays:
@@ -165,13 +165,13 @@ def read(path: Path) -> HeadMap:
 
 
 MapAt = Callable[[Offset], Generator[float, None, HeadMap]]
-SOLVED = 0.5  # of a map's work, about; then it is looked up for each display pixel
+SOLVED = 0.5  # approximate fraction of the work; the inverse lookup is the rest
 
 
 def solved_at(
     session: Session, rig: Rig, viewer: Viewer, settings: Settings, offset: Offset
 ) -> Generator[float, None, tuple[HeadMap, NDArray[np.float32]]]:
-    """The map and the source image of a head at an offset from the viewer's own place; yields
+    """The map and the source image of a head at an offset from the viewer's own position. Yields
     progress 0..1.
 
     Raises
@@ -188,18 +188,18 @@ def solved_at(
 def map_at(
     session: Session, rig: Rig, viewer: Viewer, settings: Settings, offset: Offset
 ) -> Generator[float, None, HeadMap]:
-    """The map alone."""
+    """The map of a head at an offset. Yields progress 0..1."""
     found, _ = yield from solved_at(session, rig, viewer, settings, offset)
     return found
 
 
 @dataclass(frozen=True)
 class Refined:
-    """A grid that is fine enough, as far as lines through the middle of its box tell.
+    """A grid refined along the lines through the middle of its box.
 
-    off : along each axis on which the head moves, in the middle between neighbours, at worst
-    seconds, n_bytes : that a map takes, at the median
-    maps : those that were traced on the way, by their offsets
+    off : worst errors midway between neighbours, by axis; only axes of movement
+    seconds, n_bytes : median cost of a map
+    maps : all maps traced during refinement, by offset
     """
 
     grid: HeadGrid
@@ -210,9 +210,7 @@ class Refined:
 
 
 def check(rig: Rig, viewer: Viewer, box: HeadBox, tolerance: float, most: int) -> None:
-    """Raise RigError or MeshError where it is known before any light is traced that no atlas of a
-    viewer's head can be made.
-    """
+    """Raise RigError or MeshError if the input rules out an atlas; no light is traced."""
     rig.check()
     check_viewer(viewer, rig.picture_place)
     if not tolerance > 0:
@@ -224,8 +222,8 @@ def check(rig: Rig, viewer: Viewer, box: HeadBox, tolerance: float, most: int) -
 
 
 def check_heads(rig: Rig, viewer: Viewer, settings: Settings, box: HeadBox, most: int) -> None:
-    """Raise RigError or MeshError where a head in the middle of a box or at one of its corners sees
-    nothing, by a coarse look from each.
+    """Raise RigError or MeshError if a coarse trace from the box's middle or from a corner sees
+    nothing.
     """
     kept = MeshCache()
     middle = tuple((a + b) / 2 for a, b in zip(box.low, box.high, strict=True))
@@ -237,15 +235,15 @@ def check_heads(rig: Rig, viewer: Viewer, settings: Settings, box: HeadBox, most
 def refine(
     at: MapAt, box: HeadBox, place: PicturePlace, tolerance: float, most: int
 ) -> Generator[float, None, Refined]:
-    """Halve each axis until blending keeps its part of the tolerance, px of the picture; yields
-    progress 0..1.
+    """Halve each axis until its blending error is within its part of the tolerance, picture px;
+    yields progress 0..1.
 
-    Errors of blending along the axes add up, so that each may have its part. They fall to a quarter
-    with each halving, where the map is smooth.
+    The errors along the axes add up, so each axis has an equal part. The error of a smooth map
+    falls to a quarter with each halving.
 
     Raises
     ------
-    RigError : more than `most` places are needed
+    RigError : more than `most` positions are needed
     """
     _corners(box, most)
     line = _Line(at, box)
@@ -256,7 +254,7 @@ def refine(
     for k, axis in enumerate(box.axes):
         done, end = k / n_axes, (k + 1) / n_axes
         while True:
-            so_far, done = done, (done + end) / 2  # how many halvings come is not known
+            so_far, done = done, (done + end) / 2  # the number of halvings is unknown
             steps = _worst_between(line, grid, axis, (place.width, place.height))
             worst = yield from subprogress(steps, so_far, done)
             if worst.most <= tolerance / n_axes:
@@ -284,7 +282,7 @@ def refine(
 
 
 def _corners(box: HeadBox, most: int) -> list[Offset]:
-    """Places of the coarsest grid; RigError where the box is none or they are more than `most`."""
+    """Positions of the coarsest grid; RigError if the box is empty or has more than `most`."""
     box.check()
     grid = HeadGrid(box)
     if len(grid) > most:
@@ -297,7 +295,7 @@ def _corners(box: HeadBox, most: int) -> list[Offset]:
 
 
 class _Line:
-    """The maps on the lines along the axes, through the middle of a box; each is made once."""
+    """Cached maps on the lines along the axes, through the middle of a box."""
 
     def __init__(self, at: MapAt, box: HeadBox) -> None:
         self._at = at
@@ -307,7 +305,7 @@ class _Line:
         self.n_bytes: list[int] = []
 
     def map(self, axis: int, x: float) -> Generator[float, None, HeadMap]:
-        """The map at a place along an axis; yields progress 0..1."""
+        """The map at a position along an axis. Yields progress 0..1."""
         offset = tuple(x if k == axis else m for k, m in enumerate(self._middle))
         if offset not in self.maps:
             started = perf_counter()
@@ -320,7 +318,7 @@ class _Line:
 def _worst_between(
     line: _Line, grid: HeadGrid, axis: int, picture_size: tuple[int, int]
 ) -> Generator[float, None, Off]:
-    """The largest of each number in the middles between neighbours along an axis."""
+    """The worst errors midway between neighbours along an axis."""
     nodes, middles = grid.nodes[axis], grid.middles(axis)
     found = []
     n = len(middles)

@@ -1,4 +1,4 @@
-"""Places of a head: a box of them, a grid over the box, and the viewer at each."""
+"""Head positions: a box, a grid over it, and the viewer at each position."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,16 +20,16 @@ Offset = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class HeadBox:
-    """Where the head may be, as the viewer at its own place measures it.
+    """The range of the head, in the frame of the viewer's own position.
 
-    low, high : right, up and forward of that place, m; equal where the head does not move
+    low, high : right, up and forward, m; equal on an axis without movement
     """
 
     low: Offset
     high: Offset
 
     def check(self) -> None:
-        """Raise RigError where it is no box, or none of it may be walked through."""
+        """Raise RigError if the box is invalid or has no movement."""
         for words, low, high in zip(IN_WORDS, self.low, self.high, strict=True):
             if not (np.isfinite(low) and np.isfinite(high) and low <= high):
                 raise RigError(
@@ -44,15 +44,15 @@ class HeadBox:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Those along which the head moves."""
+        """Axes of movement."""
         return tuple(k for k in range(3) if self.low[k] < self.high[k])
 
 
 @dataclass(frozen=True)
 class HeadGrid:
-    """Places in a box, evenly spaced along each axis.
+    """Evenly spaced positions in a box.
 
-    halvings : how often the box is halved along each axis; 0 has its two ends
+    halvings : number of halvings along each axis; 0 has only the two ends
     """
 
     box: HeadBox
@@ -60,7 +60,7 @@ class HeadGrid:
 
     @property
     def nodes(self) -> tuple[Floats, Floats, Floats]:
-        """The places along each axis, m; one where the head does not move."""
+        """Coordinates along each axis, m; a single one on an axis without movement."""
         return tuple(
             np.linspace(low, high, 2**n + 1) if low < high else np.array([low])
             for low, high, n in zip(self.box.low, self.box.high, self.halvings, strict=True)
@@ -70,22 +70,23 @@ class HeadGrid:
         return int(np.prod([len(nodes) for nodes in self.nodes]))
 
     def offsets(self) -> list[Offset]:
-        """All places, forward fastest."""
+        """All positions, forward fastest."""
         right, up, forward = np.meshgrid(*self.nodes, indexing="ij")
         return list(zip(right.ravel(), up.ravel(), forward.ravel(), strict=True))
 
     def halved(self, axis: int) -> "HeadGrid":
-        """With a place between every two along an axis."""
+        """The grid with one more halving along an axis."""
         halvings = tuple(n + (k == axis) for k, n in enumerate(self.halvings))
         return replace(self, halvings=halvings)
 
     def middles(self, axis: int) -> Floats:
-        """The places in the middle between every two along an axis: those that halving adds."""
+        """Midpoints between neighbours along an axis, which one more halving adds."""
         return self.halved(axis).nodes[axis][1::2]
 
     def around(self, offset: Offset) -> tuple[list[int], Floats]:
-        """The numbers of the places at the corners of an offset's cell, and their weights, which
-        make 1; corners without weight are left out.
+        """Numbers and weights of the positions at the corners of an offset's cell. The weights sum
+        to
+        1; corners of weight 0 are omitted.
         """
         numbers, weights = np.zeros(1, np.int64), np.ones(1)
         for nodes, x in zip(self.nodes, offset, strict=True):
@@ -101,8 +102,8 @@ class HeadGrid:
 
 
 def evenly(counts: Sequence[int], sizes: Sequence[float]) -> list[Offset]:
-    """So many heads along each axis, evenly spaced over a size, m, about the viewer's own place;
-    forward fastest. One alone is in the middle.
+    """Positions spaced evenly over `sizes`, m, around the viewer's own position; forward fastest. A
+    count of 1 is in the middle.
     """
     along = [
         np.linspace(-size / 2, size / 2, n) if n > 1 else np.zeros(1)
@@ -112,7 +113,7 @@ def evenly(counts: Sequence[int], sizes: Sequence[float]) -> list[Offset]:
 
 
 def check_perspective(viewer: Viewer) -> None:
-    """Raise RigError where a viewer has no head that could move."""
+    """Raise RigError if a viewer is orthographic, and so has no head."""
     if viewer.projection == "orthographic":
         raise RigError(
             "The viewer '{viewer}' is orthographic and has no head that moves: set it to"
@@ -122,18 +123,18 @@ def check_perspective(viewer: Viewer) -> None:
 
 
 def check_viewer(viewer: Viewer, place: PicturePlace) -> None:
-    """Raise RigError where a viewer has no head that could move before a picture."""
+    """Raise RigError if a viewer or a picture does not allow head movement."""
     check_perspective(viewer)
     place.check_still()
 
 
 def viewer_at(viewer: Viewer, place: PicturePlace, offset: Offset) -> Viewer:
-    """A viewer that has moved, and looks at the same point of a picture as before.
+    """The viewer moved by an offset, looking at the same point of the picture.
 
-    It turns by the smallest turn that keeps the picture's middle at its place in the image, and
-    its window grows as it comes nearer, so that the picture keeps its size there.
+    The smallest possible rotation keeps the picture's middle at its position in the image. The
+    window grows as the viewer approaches, so the picture keeps its size in the image.
 
-    offset : right, up, forward, m, along the axes of the viewer that has not moved
+    offset : right, up, forward, m, along the axes of the unmoved viewer
 
     Raises
     ------
@@ -143,12 +144,14 @@ def viewer_at(viewer: Viewer, place: PicturePlace, offset: Offset) -> Viewer:
 
 
 def middle_of(place: PicturePlace) -> tuple[Floats, Message]:
-    """The middle (3,) m of a picture on a plane, and its name in a sentence."""
+    """The middle (3,) m of a flat picture, and its name in messages."""
     return place.mesh.bounds.mean(axis=0), Message("the picture '{picture}'", picture=place.name)
 
 
 def viewer_about(viewer: Viewer, middle: Floats, name: Message, offset: Offset) -> Viewer:
-    """The same about a point (3,) m, which is called by a name where the head is at it."""
+    """The viewer moved by an offset, looking at the same point (3,) m; `name` is its name in
+    messages.
+    """
     before = middle - viewer.position
     position = viewer.position + np.array(offset) @ viewer.axes
     after = middle - position
@@ -171,7 +174,9 @@ def viewer_about(viewer: Viewer, middle: Floats, name: Message, offset: Offset) 
 
 
 def _turn(start: Floats, end: Floats) -> Floats:
-    """The smallest turn (3, 3) of one unit vector (3,) to another that is not opposite."""
+    """The smallest rotation (3, 3) from one unit vector (3,) to another; they must not be
+    opposite.
+    """
     axis = np.cross(start, end)
     x, y, z = axis
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

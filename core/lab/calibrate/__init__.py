@@ -1,1 +1,3 @@
-"""What is off at a real bench, by photographs of a lattice; and from where its picture is seen."""
+"""Calibration of a real bench from photographs of a lattice, and the visible range of its
+picture.
+"""

@@ -1,8 +1,7 @@
-"""A calibration lattice: drawn, found in a photograph or
-read from a file, and its points told apart.
+"""The calibration lattice and its picture.
 
-Pixels as the viewer's: x right and y down from the upper left corner, pixel centres at +
-0.5. People count columns from the left and rows from the top, both from 1.
+Viewer pixels: x right and y down from the upper left corner, pixel centres at + 0.5. In texts,
+columns count from the left and rows from the top, both from 1.
 """
 
 from dataclasses import dataclass
@@ -17,11 +16,12 @@ from ...base.errors import ImageError
 
 @dataclass(frozen=True)
 class LatticeDrawing:
-    """How a lattice is drawn, in spacings of its points.
+    """Sizes of a drawn lattice, in spacings of its points.
 
-    dot, mark : radii of dots, and of the first two
-    line : half the width of lines
-    least_px : px, radius of the dots or half the width of the lines, at the least
+    dot : radius of the dots
+    mark : radius of the first two dots
+    line : half width of lines
+    least_px : px, least radius of dots or half width of lines
     """
 
     dot: float = 0.2
@@ -38,7 +38,7 @@ Style = Literal["dots", "grid"]
 class Lattice:
     """A picture of columns x rows points.
 
-    The outer ones stand a margin, in widths and heights, inside its borders.
+    margin : distance of the outer points from the borders, in widths and heights
     """
 
     columns: int
@@ -63,9 +63,7 @@ class Lattice:
 
     @property
     def uv(self) -> Floats:
-        """Where the points stand on the picture (rows *
-        columns, 2), row by row from the upper left; v up.
-        """
+        """UV (rows * columns, 2) of the points, row by row from the upper left; v up."""
         across, down = (
             self.margin + (1 - 2 * self.margin) * np.linspace(0, 1, n)
             for n in (self.columns, self.rows)
@@ -74,12 +72,12 @@ class Lattice:
         return np.stack([u.ravel(), v.ravel()], axis=1)
 
     def image(self, width: int, height: int, style: Style = "dots") -> NDArray[np.float32]:
-        """The picture (height, width, 3), linear: bright dots,
-        or lines that cross in the points, on black.
+        """The picture (height, width, 3), linear: bright dots, or lines crossing at the points, on
+        black.
 
-        Whoever looks can tell how it is turned and, of three columns or more, whether it is
-        mirrored: the first two dots of the upper row are larger; of lines the first two fields hold
-        a dot, the first a larger one.
+        Marks show the rotation and, from three columns on, the mirroring: the first two dots of the
+        upper row are larger. With lines, the first two fields contain a dot, the first a larger
+        one.
         """
         size = np.array([width, height], float)
         at = np.stack([self.uv[:, 0], 1 - self.uv[:, 1]], axis=1) * size
@@ -87,7 +85,7 @@ class Lattice:
         spacing = pitch.min()
         room = self.margin * size.min()
 
-        # as large as can be seen, and within the margin
+        # thick enough to be visible, small enough for the margin
         thin = DRAWING.line if style == "grid" else DRAWING.dot
         if spacing * thin < DRAWING.least_px:
             raise ImageError(
@@ -121,13 +119,14 @@ class Lattice:
         return np.repeat(cover[..., None], 3, axis=2).astype(np.float32)
 
     def name(self, index: int) -> str:
-        """A point as people call it: (column, row)."""
+        """A point's name in texts: (column, row)."""
         return f"({index % self.columns + 1}, {index // self.columns + 1})"
 
 
 def _lines(at: Floats, pitch: Floats, size: tuple[int, int]) -> Floats:
-    """Cover (h, w) of lines through points (rows * columns, 2), px, that stand a pitch (2,)
-    apart, on an image of a size (w, h): they go on for half a pitch.
+    """Coverage (h, w) of lines through points (rows * columns, 2), px, in an image of size (w, h).
+
+    pitch : (2,) px, distance of the points; lines extend half a pitch beyond the outer ones
     """
     width, height = size
     spacing = pitch.min()
@@ -153,7 +152,7 @@ def _lines(at: Floats, pitch: Floats, size: tuple[int, int]) -> Floats:
 
 
 def _add_discs(cover: Floats, centres: Floats, radii: Floats) -> None:
-    """Draw discs onto a cover (h, w), whose edges are one pixel wide."""
+    """Draw discs with one-pixel edges onto a coverage image (h, w)."""
     height, width = cover.shape
     for centre, radius in zip(centres, radii, strict=True):
         x0, y0 = np.floor(centre - radius - 1).astype(int).clip(0)

@@ -1,8 +1,9 @@
-"""A lattice's points from a file, and whether found points were taken for the right ones.
+"""Measured points of a lattice: reading a CSV file, and checks for swapped, mistaken or mirrored
+points.
 
-Neighbours predict a point by a paraboloid through them. The point is mistaken if it stands more
-than max(0.3 spacings, 6 times the median distance) from there. That holds for a lattice bent by
-glass, too; no fixed distance from a straight one does.
+A paraboloid through a point's neighbours predicts the point. A point is mistaken if it is more than
+max(0.3 spacings, 6 times the median distance) from the prediction. Glass bends a lattice, so no
+fixed distance from a straight one would do.
 """
 
 import csv
@@ -34,9 +35,9 @@ from .match import (
     without_strangers,
 )
 
-MISTAKEN = 0.3  # spacings off, from which on a point is pointed out to people
-N_COMPARED = 400  # places each way, at which a photograph is compared with the picture
-# how a photograph is compared with the picture: u mirrored, v mirrored, columns and rows aside
+MISTAKEN = 0.3  # spacings, distance from the prediction at which a point is reported
+N_COMPARED = 400  # samples along each axis to compare a photograph with the picture
+# mistakes in the numbering: u mirrored, v mirrored, shift in columns and rows
 WAYS = {
     Message("mirrored"): (True, False, 0, 0),
     Message("upside down and mirrored"): (False, True, 0, 0),
@@ -49,9 +50,10 @@ WAYS = {
 
 
 class _Misplaced(NamedTuple):
-    """Points that are not where their neighbours want them, by site.
+    """Points far from their predictions, by site.
 
-    at, wanted : px, x + iy; spacing : px, of the lattice there
+    at, wanted : px, x + iy
+    spacing : px, of the lattice there
     """
 
     at: dict[Site, complex]
@@ -60,11 +62,10 @@ class _Misplaced(NamedTuple):
 
 
 def check(points: Floats, lattice: Lattice) -> None:
-    """Raise ImageError when points (m, 2), px, NaN where not
-    measured, do not go on smoothly from one to the next.
+    """Raise ImageError if points (m, 2), px, NaN if not measured, do not form a smooth lattice.
 
-    Which are swapped or mistaken is found from their neighbours. It takes a third of a spacing, or
-    several times what the other points are off: light that is bent unevenly is no mistake.
+    The tolerance is a third of a spacing, or several times the median distance: unevenly bent light
+    is no mistake.
     """
     at = points[:, 0] + 1j * points[:, 1]
     sites = {
@@ -103,7 +104,7 @@ def _misplaced(
     bases: dict[Site, Basis],
     most: float,
 ) -> _Misplaced:
-    """Sites that are not good, and more than so many spacings off."""
+    """Sites outside `good` and more than `most` spacings from their predictions."""
     found = _Misplaced({}, {}, {})
     for site in sorted(sites.keys() - good.keys(), key=sites.get):
         near = neighbours_of(site, good)
@@ -118,7 +119,7 @@ def _misplaced(
 
 
 def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
-    """Misplaced points, by names, in words: first those that stand in each other's place."""
+    """Messages on misplaced points, swapped pairs first."""
 
     def is_in_place_of(here: Site, there: Site) -> bool:
         return np.abs(found.at[here] - found.wanted[there]) < MISTAKEN * found.spacing[there]
@@ -149,9 +150,7 @@ def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
 
 
 def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[str]:
-    """Outer columns and rows of which points are expected (m,
-    2) but none was found (m, 2), in words.
-    """
+    """Names of outer columns and rows with expected points (m, 2) but no found point (m, 2)."""
     shape = lattice.rows, lattice.columns
     is_known, is_due = (np.isfinite(xy).all(axis=1).reshape(shape) for xy in (points, expected))
     borders = {
@@ -164,8 +163,8 @@ def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[
 
 
 def check_way(points: Floats, expected: Floats) -> None:
-    """Raise ImageError where points (m, 2), px, are mirrored or
-    turned far against what is expected (m, 2) of them.
+    """Raise ImageError if points (m, 2), px, are mirrored or rotated far from the expected ones (m,
+    2).
     """
     both = np.isfinite(points).all(axis=1) & np.isfinite(expected).all(axis=1)
     if both.sum() < FEWEST:
@@ -186,17 +185,17 @@ def check_way(points: Floats, expected: Floats) -> None:
 def check_picture(
     points: Floats, lattice: Lattice, photograph: NDArray, picture: NDArray, is_unsure: bool
 ) -> None:
-    """Raise ImageError where a photograph shows the picture better
-    when mirrored, upside down or a column or row aside.
+    """Raise ImageError if a photograph matches the picture better mirrored, upside down or shifted
+    by
+    a column or row.
 
-    Of a lattice whose points all look alike nothing can be told, but for its border: is_unsure, as
-    where an outer column was not found, asks for a picture that is less like the photograph in all
-    other ways.
+    If all points look alike, only the picture's border distinguishes these cases. With `is_unsure`,
+    as when an outer column is missing, the numbering must match clearly better than every mistake.
 
     Parameters
     ----------
-    points : (m, 2) px of the photograph, as they were told apart; NaN where not
-    photograph, picture : (h, w, c), row 0 at the top; the picture has the lattice on it
+    points : (m, 2) px of the photograph, numbered; NaN if not found
+    photograph, picture : (h, w, c), row 0 at the top; the picture contains the lattice
     """
     is_known = np.isfinite(points).all(axis=1)
     u, v = lattice.uv.T
@@ -207,14 +206,14 @@ def check_picture(
     if is_known.sum() < 2 * terms(u, v).shape[1]:
         return
 
-    # where the picture's places are in the photograph
+    # picture positions in the photograph, by a quadratic fit
     fit = np.linalg.lstsq(terms(u, v)[is_known], points[is_known], rcond=None)[0]
     side = (np.arange(N_COMPARED) + 0.5) / N_COMPARED
     u, v = (x.ravel() for x in np.meshgrid(side, side))
     at = terms(u, v) @ fit
     seen, is_inside = _read(photograph, at / photograph.shape[1::-1])
 
-    # only around points that were found: elsewhere the display may show nothing
+    # only around found points: elsewhere the display may show nothing
     steps = (1 - 2 * lattice.margin) / (np.array([lattice.columns, lattice.rows]) - 1)
     column, row = (
         np.rint((x - lattice.margin) / step).astype(int)
@@ -223,7 +222,6 @@ def check_picture(
     is_inside &= (column >= 0) & (column < lattice.columns) & (row >= 0) & (row < lattice.rows)
     is_inside &= is_known[np.where(is_inside, row * lattice.columns + column, 0)]
 
-    # which way is more like it than that which was found
     way, more = _most_like(seen, is_inside, picture, np.stack([u, v], axis=1), steps)
     if more > (-0.005 if is_unsure else 0.005):
         raise ImageError(
@@ -236,10 +234,12 @@ def check_picture(
 def _most_like(
     seen: NDArray, is_inside: Bools, picture: NDArray, uv: Floats, steps: Floats
 ) -> tuple[str, float]:
-    """The way in which a picture, at places (n, 2), is most like
-    the colours that are seen (n, c), and by how much more than as it is.
+    """The mistake in WAYS that best matches the picture at UV (n, 2) to the seen colours (n, c),
+    and
+    its gain in correlation over no mistake.
 
-    is_inside : (n,) places that count; steps : (2,) between columns and between rows, in UV
+    is_inside : (n,) samples to compare
+    steps : (2,) between columns and between rows, in UV
     """
     u, v = uv.T
     shown, _ = _read(picture, np.stack([u, 1 - v], axis=1))
@@ -261,9 +261,7 @@ def _most_like(
 
 
 def _likeness(a: NDArray, b: NDArray) -> float:
-    """Correlation of colours (n, c), the mean of each
-    channel aside; 0 where there is nothing to compare.
-    """
+    """Correlation of colours (n, c) after subtracting each channel's mean; 0 without data."""
     if not len(a):
         return 0.0
     a = a - a.mean(axis=0)
@@ -273,8 +271,8 @@ def _likeness(a: NDArray, b: NDArray) -> float:
 
 
 def _read(image: NDArray, place: Floats) -> tuple[NDArray, Bools]:
-    """Encoded colours (n, 3 or 1) at places (n, 2), 0..1 from
-    the upper left, and which are in the image.
+    """Encoded colours (n, 3 or 1) at positions (n, 2), 0..1 from the upper left, and a mask (n,) of
+    the positions inside the image.
     """
     height, width = image.shape[:2]
     x, y = np.floor(place * (width, height)).astype(int).T
@@ -289,19 +287,19 @@ def _read(image: NDArray, place: Floats) -> tuple[NDArray, Bools]:
 
 
 def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
-    """Measured points (m, 2), px, of a CSV file; NaN where there are none.
+    """Measured points (m, 2), px, from a CSV file; NaN for missing ones.
 
-    Its first line names its columns: column, row, x and y, in any order, the first two counted from
-    1; or x and y alone, in which case `match` tells the points apart. Commas, semicolons or tabs
-    between them; after semicolons a number may have a decimal comma.
+    The first line names the columns: column, row, x and y, in any order, the first two counted from
+    1; or x and y alone, and `match` then numbers the points. The separator is a comma, semicolon or
+    tab; with semicolons, numbers may have a decimal comma.
 
     Parameters
     ----------
-    expected : (m, 2) px, where the points are likely to be, NaN where they are not seen
+    expected : (m, 2) px, approximate positions, NaN for points out of view
 
     Raises
     ------
-    ImageError : the file cannot be read, or has places that cannot be
+    ImageError : the file cannot be read, or has invalid positions
     """
     table = _table(Path(path))
     measured = _measured(table, lattice)
@@ -325,9 +323,9 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
 
 
 class _PointTable(NamedTuple):
-    """Lines of a file, by number, with their cells; the first has the names of n columns.
+    """Numbered lines of a CSV file, after the header with `n_columns` names.
 
-    places : the columns of x and y, or of column, row, x and y
+    places : column numbers of x and y, or of column, row, x and y
     """
 
     path: Path
@@ -338,8 +336,11 @@ class _PointTable(NamedTuple):
 
 
 class _Measured(NamedTuple):
-    """Points of a file: named ones (m, 2), px, NaN where there are none, with the lines that
-    have them, by index; and places of others.
+    """Points of a file.
+
+    named : (m, 2) px, NaN if missing
+    lines : line numbers of the named points, by index
+    loose : positions of unnumbered points
     """
 
     named: Floats
@@ -348,22 +349,22 @@ class _Measured(NamedTuple):
 
 
 def _text(path: Path) -> str:
-    """The text of a file, whatever its letters are."""
+    """The text of a file in UTF-16, UTF-8 or Latin-1."""
     data = read_bytes(path)
     try:
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:
-        text = data.decode("latin-1")  # notes in other letters do not matter
+        text = data.decode("latin-1")  # only comments can contain other characters
 
     if "\0" in text:
         raise ImageError("The file '{path}' is no text: choose a CSV file of points.", path=path)
 
-    # spreadsheets begin so
+    # spreadsheets may add a line with the separator
     return text.partition("\n")[2] if text.lower().startswith("sep=") else text
 
 
 def _table(path: Path) -> _PointTable:
-    """The lines of a CSV file that are not empty."""
+    """The non-empty lines of a CSV file."""
     text = _text(path)
 
     first = next((line for line in text.splitlines() if line.strip()), "")
@@ -419,7 +420,7 @@ def _measured(table: _PointTable, lattice: Lattice) -> _Measured:
         if table.has_decimal_commas:
             values = [value.replace(",", ".") for value in values]
         if values[-2:] == ["", ""] and len(values) == 4:
-            continue  # a table of all points, with blanks for those not measured
+            continue  # not measured, in a table of all points
 
         xy = [_number(value, where) for value in values[-2:]]
         if len(values) == 2:
@@ -446,7 +447,7 @@ def _line(number: int, path: Path) -> Message:
 
 
 def _index(values: list[str], where: Callable[[], Message], lattice: Lattice) -> int:
-    """The index of a point by its column and row, counted from 1."""
+    """Index of a point from its column and row, counted from 1."""
     column, row = (_number(value, where) for value in values)
     if not (column in range(1, lattice.columns + 1) and row in range(1, lattice.rows + 1)):
         raise ImageError(

@@ -1,7 +1,4 @@
-"""The errors of a bench that fit photographs best, by damped least squares.
-
-Also the further photograph that would reduce their uncertainty most.
-"""
+"""The least-squares fit of a bench's errors to photographs, and the best further photograph."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -20,15 +17,15 @@ from .misalignment import FEWEST, Bench
 
 @dataclass(frozen=True)
 class Damping:
-    """How least squares are damped; held to simulated benches by tests/core/test_misalignment.py
+    """Damping of the least squares, verified on simulated benches in
+    tests/core/test_misalignment.py
     and `dev.py paper`.
 
-    most_steps : of least squares
-    first, step : of the normal equations' diagonal; times more where a
-        step does not help, less where it does
-    most : at which no step helps any more
-    enough : of the sum of squares, in noise, or of one: the gain of
-        a step when there is nothing more to gain
+    most_steps : of the iteration
+    first : initial damping of the normal equations' diagonal
+    step : factor of the damping after a failed step, divisor after a successful one
+    most : damping at which the fit ends
+    enough : gain of a step that ends the fit, relative to the sum of squares in noise, or to 1
     """
 
     most_steps: int = 30
@@ -43,13 +40,13 @@ DAMPING = Damping()
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A bench with amounts (p,) off, and how well it fits.
+    """A bench with errors (p,), and the quality of its fit.
 
-    cost : the sum to be made small
+    cost : sum of squares to minimise
     off : (2 k,) residuals over the noise
-    at : (m, 2) viewer px at which the points are seen
-    used : (m,) which k of them are measured and seen
-    movements : (2 k, p) as in Fit; None until they are asked for, or where there is no such rig
+    at : (m, 2) viewer px of the points
+    used : (m,) mask of the k measured and visible points
+    movements : (2 k, p) as in BenchFit; None before `with_movements`, or if the rig is invalid
     """
 
     amounts: Floats
@@ -62,7 +59,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A bench that is fitted to measured points (m, 2), NaN where they are not."""
+    """A fit of a bench to measured points (m, 2), NaN if not measured."""
 
     bench: Bench
     measured: Floats
@@ -70,24 +67,24 @@ class Task:
     noise: float
 
     def at(self, amounts: Floats, start: Floats) -> State:
-        """The state with amounts (p,), whose points are seen about at (m, 2)."""
+        """The state with errors (p,); `start` (m, 2) is the initial guess of the points."""
         try:
             at = self.bench.seen(amounts, start)
-        except RigError:  # no such bench can be made
+        except RigError:  # the errors make an invalid rig
             return State(amounts, np.inf, np.empty(0), start, np.zeros(len(start), bool))
 
         used = np.isfinite(self.measured - at).all(axis=1)
         off = (self.measured - at)[used].ravel() / self.noise
 
-        # points that are not seen count as the others do on
-        # average: else to lose the worst would seem to help
+        # invisible points count as the average of the others, or losing the worst would seem to
+        # help
         n_measured = int(np.isfinite(self.measured).all(axis=1).sum())
         data = off @ off * n_measured / used.sum() if used.sum() >= FEWEST else np.inf
         cost = float(data + ((amounts / self.tolerances) ** 2).sum())
         return State(amounts, cost, off, at, used)
 
     def with_movements(self, state: State) -> Generator[float, None, State]:
-        """The state with its movements, where such a rig can be made."""
+        """The state with its movements, if the rig is valid."""
         try:
             found = yield from self.bench.sensitivities(state.amounts, state.at)
         except RigError:
@@ -99,7 +96,7 @@ class Task:
 
 
 def settle(task: Task, state: State) -> Generator[float, None, State]:
-    """The fit of all points that are measured, from a state on."""
+    """Fit all measured points, from an initial state."""
     tolerances = task.tolerances
     damping = DAMPING.first
     state = yield from subprogress(task.with_movements(state), 0.0, 0.2)
@@ -114,7 +111,7 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
 
         tried = task.at(state.amounts + step * tolerances, state.at)
         if tried.cost <= state.cost:
-            # how many steps it takes is not known: each gets a part of the rest
+            # the number of steps is unknown: each gets a fraction of the rest
             done = 1 - 0.8 ** (k + 1), 1 - 0.8 ** (k + 2)
             tried = yield from subprogress(task.with_movements(tried), *done)
 
@@ -140,14 +137,14 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
 
 @dataclass(frozen=True)
 class Fitting:
-    """Which points are believed, and when a fit is; held to simulated benches by
+    """Outliers and acceptance of a fit, verified on simulated benches in
     tests/core/test_misalignment.py and `dev.py paper`.
 
-    unlikely : times the noise: points that stay so far from a fit are none of this bench's
-    least_used : share of the measured points that have to be seen in the fitted rig
-    strange : times the median distance, from which on a point may be left out
-    most_strange : share of the points that may be left out for it
-    alike : cosine between movements from which on they are called alike
+    unlikely : times the noise; more distant points do not belong to the bench
+    least_used : fraction of the measured points visible in the fitted rig
+    strange : times the median distance; a more distant point may be an outlier
+    most_strange : largest fraction of outliers
+    alike : cosine between movements of indistinguishable parameters
     """
 
     unlikely: float = 6.0
@@ -162,23 +159,22 @@ FITTING = Fitting()
 
 @dataclass(frozen=True, eq=False)
 class BenchFit:
-    """The errors that a bench seems to have.
+    """The fitted errors of a bench.
 
     Parameters
     ----------
     amounts : (p,) of the bench's parameters
-    errors : (p,) their standard deviations: where they are near
-        the tolerances the points tell nothing of them
-    correlation : (p, p) of these errors; near 1 or -1 two amounts cannot be told apart
-    condition : largest by smallest singular value of the points'
-        movements, each for its tolerance, over the noise
-    before, after : rms distance of the points from where they were
-        to be seen, and from where the fit has them, px
-    used, left_out : (m,) points that were fitted, and measured ones
-        that are too far from where the others have them
-    n_measured : points that were measured
-    movements : (2 k, p) of the coordinates of the k used points, for
-        the tolerance of each parameter, over the noise
+    errors : (p,) standard deviations of the amounts; near the tolerance, the points do not
+        determine the parameter
+    correlation : (p, p) of these errors; two amounts near 1 or -1 cannot be separated
+    condition : ratio of the largest and smallest singular value of `movements`
+    before : rms distance of the points from the planned ones, px
+    after : rms distance of the points from the fitted ones, px
+    used : (m,) mask of the fitted points
+    left_out : (m,) mask of the outliers
+    n_measured : number of measured points
+    movements : (2 k, p) movement of the k used points for the tolerance of each parameter, over the
+        noise
     """
 
     amounts: Floats
@@ -197,15 +193,13 @@ class BenchFit:
         return int(self.used.sum())
 
     def groups(self) -> tuple[list[list[int]], list[int]]:
-        """Groups of parameters that move the points almost alike.
-
-        And those that, within tolerance, hardly move any.
+        """Groups of parameters with almost the same effect, and parameters with hardly any effect
+        within their tolerances.
         """
-        # by their lengths, the longest first
         length = np.linalg.norm(self.movements, axis=0)
         left = [int(k) for k in np.argsort(-length) if length[k] >= 1]
 
-        # each takes with it those that move the points almost as it does
+        # each group begins with the parameter of the largest effect
         groups = []
         while left:
             cosine = (
@@ -224,21 +218,21 @@ class BenchFit:
 def fit(
     bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3
 ) -> Generator[float, None, BenchFit]:
-    """Find the errors from points that were measured (m, 2),
-    viewer px, NaN where they were not. Yields progress.
+    """Fit the errors of a bench to measured points (m, 2), viewer px, NaN if not measured. Yields
+    progress.
 
-    Damped least squares (Levenberg's), with the knowledge of before: each amount is likely to be
-    within its tolerance. A few points that stay far from where all others have them, by glare or a
-    speck of dust, are left out.
+    Levenberg's damped least squares with a prior: each amount is likely within its tolerance. A few
+    points far from the fit, such as glare or a speck of dust, are left out.
 
     Parameters
     ----------
-    tolerances : (p,) standard deviations to expect of the parameters, above 0
+    tolerances : (p,) expected standard deviations of the parameters, above 0
     noise : standard deviation of a measured coordinate, viewer px
 
     Raises
     ------
-    RigError : too few points were measured, they are none of this bench's, or the fit finds no end
+    RigError : too few points were measured, they do not belong to this bench, or the fit does not
+        converge
     """
     measured = np.array(measured, float)
     is_measured = np.isfinite(measured).all(axis=1)
@@ -250,8 +244,7 @@ def fit(
             least=FEWEST,
         )
 
-    # to begin with, against the others' displacement: far ones
-    # would draw the fit to where it finds no end
+    # outliers of the common displacement are removed first, or the fit may not converge
     away = measured - bench.view
     before = _rms(away[is_measured].ravel())
     left_out = np.zeros(len(measured), bool)
@@ -283,7 +276,7 @@ def fit(
 def _without_strangers(
     task: Task, left_out: Bools, n_measured: int
 ) -> Generator[float, None, State]:
-    """The fit of a task without points that are far from it, which are left out (m,), too."""
+    """Fit a task repeatedly until it has no outliers; adds them to `left_out` (m,)."""
     state = task.at(np.zeros(len(task.tolerances)), task.bench.view)
     done = 0.0
 
@@ -303,16 +296,17 @@ def _without_strangers(
 
 
 def _strangers(distance: Floats, left_out: Bools, n_measured: int) -> Bools:
-    """Which points (m,) are much further off, in noise, than the others? None if
-    they are many, with those left out before.
+    """Mask (m,) of the points much farther from the fit than the median, in noise. All False if
+    there
+    would be too many outliers, including earlier ones.
     """
     far = distance > max(FITTING.unlikely, FITTING.strange * np.nanmedian(distance))
     return far & ((left_out | far).sum() <= FITTING.most_strange * n_measured)
 
 
 def _check(used: Bools, n_left: int, after: float, noise: float) -> None:
-    """Raise RigError where too few of the points that are left were used (m,), or they are
-    too far off, px.
+    """Raise RigError if too few of the remaining points were used (m,), or if they are too far off,
+    px.
     """
     if used.sum() < max(FEWEST, FITTING.least_used * n_left):
         raise RigError(
@@ -331,34 +325,34 @@ def _check(used: Bools, n_left: int, after: float, noise: float) -> None:
 
 
 def condition_of(movements: Floats) -> float:
-    """Largest by smallest singular value; infinite for fewer rows than columns."""
+    """Ratio of the largest and smallest singular value; infinite for fewer rows than columns."""
     singular = np.linalg.svd(movements, compute_uv=False)
     is_known = len(movements) >= movements.shape[1] and singular[-1] > 0
     return float(singular[0] / singular[-1]) if is_known else float("inf")
 
 
 def _rms(distances: Floats) -> float:
-    """Rms length of vectors whose components (2 n,) these are."""
+    """Rms length of vectors with components (2 n,)."""
     return float(np.sqrt(2 * (distances**2).mean())) if len(distances) else float("nan")
 
 
 def covariance_of(movements: Floats) -> Floats:
-    """Covariance (p, p), in tolerances, of amounts that are fitted to points that move so."""
+    """Covariance (p, p), in tolerances, of amounts fitted to points with these movements."""
     return np.linalg.inv(movements.T @ movements + np.eye(movements.shape[1]))
 
 
-ASIDE_DEGREES = 10.0  # from which another photograph is considered
-NEARER = 0.7  # of the distance to the glass, likewise
+ASIDE_DEGREES = 10.0  # angle of a further photograph
+NEARER = 0.7  # distance of a further photograph, as a fraction of the distance to the glass
 
 
 @dataclass(frozen=True, eq=False)
 class Extra:
-    """Another photograph, of the same display from another place, and the knowledge it would add.
+    """A possible further photograph of the same display, and its gain in information.
 
-    where : the place, from the viewer
-    errors : (p,) standard deviations of the amounts then
-    condition : that of both photographs' movements together
-    gain : bits that it tells of the errors, the second viewer's own place aside
+    where : its position, relative to the viewer
+    errors : (p,) standard deviations of the amounts with it
+    condition : of the movements in both photographs
+    gain : bits of information on the errors, except the second viewer's own position
     """
 
     where: str
@@ -370,10 +364,9 @@ class Extra:
 def extra_photographs(
     bench: Bench, found: BenchFit, tolerances: Floats, noise: float = 0.3
 ) -> Generator[float, None, list[Extra]]:
-    """Other places to take a photograph from, the most telling first; yields progress.
+    """Positions for a further photograph, the most informative first. Yields progress.
 
-    The place of the second viewer is as uncertain as that
-    of the first; its focal length is the same.
+    The second viewer's position is as uncertain as the first one's; its focal length is the same.
     """
     viewer = bench.viewer
     pivot = bench.rig.glasses[0].mesh.bounds.mean(axis=0)
@@ -388,13 +381,13 @@ def extra_photographs(
     )
     shared = np.flatnonzero(~own)
 
-    # the second viewer's own place is a parameter more
+    # the second viewer's own position adds parameters
     first = np.hstack([found.movements, np.zeros((len(found.movements), own.sum()))])
     columns = np.arange(n)
     columns[own] = n + np.arange(own.sum())
     before = covariance_of(first)[np.ix_(shared, shared)]
 
-    # about where the points are: as far away as the glass
+    # approximate points, at the glass's distance
     origins, directions = viewer.rays(bench.view)
     points = origins + directions * ((pivot - origins) @ away / (directions @ away))[:, None]
     extras = []
@@ -405,14 +398,13 @@ def extra_photographs(
             d = yield from subprogress(
                 there.sensitivities(), k / len(places), (k + 1) / len(places)
             )
-        except RigError:  # nothing is seen from there
+        except RigError:  # nothing is visible from there
             continue
 
         used = np.isfinite(d).all(axis=(0, 2))
         if used.sum() < FEWEST:
             continue
 
-        # with the movements of both photographs
         second = np.zeros((2 * used.sum(), first.shape[1]))
         second[:, columns] = d[:, used].reshape(n, -1).T * tolerances / noise
         both = np.vstack([first, second])
@@ -433,7 +425,9 @@ def extra_photographs(
 
 
 def _places(viewer: Viewer, pivot: Floats) -> dict[Message, Motion]:
-    """Other places of the viewer around a point (3,), m, in words, and how it gets there."""
+    """Other positions of the viewer around a point (3,), m: their descriptions, and the motions
+    there.
+    """
     right, up, away = viewer.axes
     angle = ASIDE_DEGREES
     nearer = (1 - NEARER) * ((pivot - viewer.position) @ away) * away
@@ -447,10 +441,10 @@ def _places(viewer: Viewer, pivot: Floats) -> dict[Message, Motion]:
 
 
 def _bench_from(bench: Bench, motion: Motion, points: Floats, own: Bools) -> Bench:
-    """A bench whose viewer stands elsewhere and sees the points (m, 3), m, that it shows.
+    """A bench with a moved viewer that sees the points (m, 3), m.
 
-    own (p,) : parameters of the viewer's own place: the second is shifted
-        and turned about its own axes
+    own : (p,) mask of the parameters of the viewer's own position, which shift and rotate it about
+        its own axes
     """
     viewer = moved(bench.viewer, motion)
     rig = replace(bench.rig, viewers=(viewer, *bench.rig.viewers[1:]))

@@ -1,9 +1,8 @@
-"""Which of the points that were found make up a lattice, and which are each other's neighbours.
+"""Lattice growth from unordered points, and the numbering of its points.
 
-A photograph bends the lattice, so that no straight rows can be looked for. It grows: from a seed
-and its two steps, each next point is expected where a paraboloid through its neighbours has it,
-held by their steps, and the nearest point there is taken. At last those that stand further from
-where their neighbours have them than all the others are left out, worst first.
+A photograph bends the lattice, so its rows are not straight. The lattice grows from a seed and its
+two steps. A paraboloid through the neighbours, regularised by their steps, predicts each next
+point, and the nearest point is accepted. Finally, outliers are removed, worst first.
 """
 
 from itertools import product
@@ -15,46 +14,45 @@ from ...base.arrays import Floats, Ints
 from ...base.errors import ImageError
 from .drawn import Lattice
 
-# Numbers of this file are held to rendered photographs by tests/core/test_lattice.py.
-NEAR = 0.3  # spacings, from where a point should be by its neighbours
-STRANGE = 0.1  # spacings off: this is never too far
-ABOVE_ROUGHNESS = 6.0  # times the median distance of points from where their neighbours want them
-UNLIKE = np.log(2.2)  # in size, two neighbours
-FAR_PX = 1e9  # away, if there is no neighbour
+# Constants of this file are verified on rendered photographs in tests/core/test_lattice.py.
+NEAR = 0.3  # spacings, search radius around a prediction
+STRANGE = 0.1  # spacings, a smaller error never makes an outlier
+ABOVE_ROUGHNESS = 6.0  # times the median error of the predictions
+UNLIKE = np.log(2.2)  # log of the size ratio of two neighbours
+FAR_PX = 1e9  # distance of a point without neighbours
 FEWEST = 4  # points of a lattice
-MOST_TURNED_RAD = np.radians(50)  # the steps of a lattice, against those expected
-REACH = 3  # columns and rows away, to which neighbours count
-# a step to the next row by that to the next column, as they may be
+MOST_TURNED_RAD = np.radians(50)  # rotation of a lattice's steps from the expected ones
+REACH = 3  # columns and rows to the farthest neighbours
+# possible ratios of the step to the next row and the step to the next column
 SHAPES = 1j * np.concatenate([[0.5, 0.7, 1.0, 1.4, 2.0], np.exp(1j * np.radians([-30.0, 30.0]))])
 Site = tuple[int, int]
-Basis = NDArray[np.complex128]  # (2,) steps to the next column and to the next row, x + iy
+Basis = NDArray[np.complex128]  # (2,) steps to the next column and row, x + iy
 Seed = tuple[int, Basis]
 
 
 def _seeds(
     points: Floats, sizes: Floats, shapes: NDArray, steps: NDArray | None = None
 ) -> list[Seed]:
-    """Points from which a lattice may be grown, and its steps there; the likeliest first.
+    """Seed points and their lattice steps, the most likely first.
 
     Parameters
     ----------
-    sizes : (k,) of the points: those of neighbours differ little
-    shapes : (q,) complex, step to the next row by that to the next column, as they may be
-    steps : (q,) complex px, step to the next column, from which it
-        may be turned and scaled somewhat; None: any
+    sizes : (k,) of the points; neighbours have similar sizes
+    shapes : (q,) complex, possible ratios of the row step to the column step
+    steps : (q,) complex px, expected column step, up to some rotation and scale; None for any
     """
     at = points[:, 0] + 1j * points[:, 1]
     if len(at) < FEWEST:
         return []
 
-    # the nearest points around some of them
+    # the nearest neighbours of some points
     chosen = np.unique(np.linspace(0, len(at) - 1, 80).astype(int))
     is_alike = np.abs(np.log(sizes / sizes[chosen, None])) < UNLIKE
     apart = np.where(is_alike, at - at[chosen, None], FAR_PX)
     order = np.argsort(np.abs(apart), axis=1)[:, 1:25]
     around = np.take_along_axis(apart, order, axis=1)
 
-    # two of these as steps, where their shape may be
+    # pairs of neighbours as steps, if their shape is possible
     n = min(10, around.shape[1])
     first, second = (k.ravel() for k in np.nonzero(~np.eye(n, dtype=bool)))
     a = around[:, first]
@@ -69,22 +67,22 @@ def _seeds(
             fits &= (np.abs(grown) > 0.4) & (np.abs(grown) < 2.5)
         is_likely |= fits & (np.abs(a) < FAR_PX) & (np.abs(b) < FAR_PX)
 
-    # the better the eight points around are where the steps have them, the likelier
+    # steps are more likely the better they predict the eight points around
     row, pair = np.nonzero(is_likely)
     a = a[row, pair]
     b = b[row, pair]
     short = np.minimum(np.abs(a), np.abs(b))
-    missed = np.zeros(len(a))  # of the eight points around, in reaches of near
+    missed = np.zeros(len(a))  # sum over the eight points, in search radii
 
     for i, j in product((-1, 0, 1), repeat=2):
         if (i, j) != (0, 0):
             off = np.abs(around[row] - (i * a + j * b)[:, None]).min(axis=1)
             missed += np.minimum(off / (NEAR * short), 1)
 
-    # of equals the shortest
+    # prefer the shortest of equally good steps
     missed += 0.05 * (np.abs(a) + np.abs(b)) / np.abs(around[row, 0])
 
-    # of each point its likeliest steps
+    # the most likely steps of each point
     found = []
     has = set()
 
@@ -97,8 +95,8 @@ def _seeds(
 
 
 def largest(points: Floats, sizes: Floats, *shapes_and_steps: NDArray) -> dict[Site, int]:
-    """The largest lattice that grows from a seed: indices of
-    points by column and row, counted from anywhere.
+    """The largest lattice grown from a seed: point indices by column and row, with an arbitrary
+    origin.
     """
     best: dict[Site, int] = {}
     for seed in _seeds(points, sizes, *shapes_and_steps):
@@ -111,21 +109,19 @@ def largest(points: Floats, sizes: Floats, *shapes_and_steps: NDArray) -> dict[S
 
 
 def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -> dict[Site, int]:
-    """Points that go on from a seed, each where those before
-    let it be expected: indices by column and row.
-    """
+    """A lattice grown from a seed: point indices by column and row."""
     sites = {(0, 0): seed}
     bases = {(0, 0): basis}
     used = {seed}
     tried: dict[Site, int] = {}
     reach = 1
-    while reach <= 2:  # where one is missing the next may be there
+    while reach <= 2:  # 2 bridges a missing point
         steps = range(-reach, reach + 1)
         front = {
             (i + di, j + dj) for i, j in sites for di, dj in product(steps, steps)
         } - sites.keys()
 
-        # points where they are expected, as often as more of their neighbours are known
+        # predictions are repeated when more neighbours are found
         found = []
         for site in sorted(front):
             near = neighbours_of(site, sites)
@@ -134,7 +130,7 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
 
             tried[site] = len(near)
 
-            # of like points the nearest
+            # the nearest point of similar size
             known = [sites[s] for s in near]
             place, there = predicted(
                 site, near, at[known], np.mean([bases[s] for s in near], axis=0)
@@ -148,7 +144,7 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
             if off[nearest] < NEAR * np.abs(there).min() and nearest not in used:
                 found.append((off[nearest], site, nearest, there))
 
-        # the best first: each point has one site
+        # best first, since each point has one site
         for _, site, nearest, there in sorted(found, key=lambda some: some[0]):
             if nearest not in used:
                 sites[site], bases[site] = nearest, there
@@ -167,9 +163,7 @@ def without_strangers(
     bases: dict[Site, Basis],
     strange: float = STRANGE,
 ) -> dict[Site, int]:
-    """Without the points that stand further from where their
-    neighbours want them than the others do, worst first.
-    """
+    """Sites without outliers, removed worst first."""
     sites = dict(sites)
     while off := roughness(at, sites, bases):
         worst = max(off, key=off.get)
@@ -182,10 +176,7 @@ def without_strangers(
 def roughness(
     at: NDArray[np.complex128], sites: dict[Site, int], bases: dict[Site, Basis]
 ) -> dict[Site, float]:
-    """How far points stand from where their neighbours want them, in spacings.
-
-    Of those that have enough of these.
-    """
+    """Errors of the predictions, in spacings, for points with enough neighbours."""
     off = {}
     for site in sites:
         near = [s for s in neighbours_of(site, sites) if s != site]
@@ -196,26 +187,26 @@ def roughness(
 
 
 def mean_steps(at: NDArray[np.complex128], sites: dict[Site, int]) -> Basis:
-    """Steps to the next column and to the next row, by all points."""
+    """Mean steps to the next column and row, by a linear fit."""
     design = np.column_stack([np.ones(len(sites)), np.array(list(sites), float).reshape(-1, 2)])
     return np.linalg.lstsq(design, at[list(sites.values())], rcond=None)[0][1:]
 
 
 def neighbours_of(site: Site, sites: dict[Site, int]) -> list[Site]:
-    """Sites up to three columns and rows away, itself included, that have a point."""
+    """Occupied sites up to three columns and rows away, including the site itself."""
     i, j = site
     steps = range(-REACH, REACH + 1)
     return [s for di, dj in product(steps, steps) if (s := (i + di, j + dj)) in sites]
 
 
 def predicted(site: Site, near: list[Site], at: NDArray, basis: Basis) -> tuple[complex, Basis]:
-    """Where a point should be, and its steps there: by a
-    paraboloid through points near it, held by known steps.
+    """A site's predicted point and steps: a paraboloid through nearby points, regularised by known
+    steps.
     """
     d = np.array(near, float) - site
     design = np.column_stack([np.ones(len(d)), d, d**2, d[:, 0] * d[:, 1]])
     weight = 1 / (d**2).sum(axis=1)
-    # steps and bend, against points one spacing away
+    # weights of steps and curvature, relative to a point one spacing away
     held = np.diag([0, 0.01, 0.01, 0.03, 0.03, 0.03])
     right = design.T @ (weight * (at - d @ basis))
     found = np.linalg.solve((design.T * weight) @ design + held, right)
@@ -223,8 +214,8 @@ def predicted(site: Site, near: list[Site], at: NDArray, basis: Basis) -> tuple[
 
 
 def is_lattice(points: Floats, sites: dict[Site, int]) -> bool:
-    """Are the points that grew together as regular as chance would not have them?"""
-    # a few are one only if they are most of those found
+    """Whether a grown lattice is more regular than chance."""
+    # a few points must be most of the found ones
     if len(sites) < (FEWEST if len(sites) > 0.6 * len(points) else 9):
         return False
     at = points[:, 0] + 1j * points[:, 1]
@@ -249,24 +240,24 @@ SLANTS = [
 
 
 def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
-    """Points told apart by how the lattice goes on from one
-    to the next: (m, 2), NaN where none was found.
+    """Number unordered points by growing a lattice: (m, 2), NaN for missing ones.
 
-    They may be shifted by any amount against those expected, turned by up to 45 degrees, scaled by
-    0.5 to 2 and bent; some may be missing, a few may be none of the lattice's. Where whole rows or
-    columns at the border are missing, the place nearest to the expected one is taken.
+    The points may be shifted by any amount from the expected ones, rotated by up to 45 degrees,
+    scaled by 0.5 to 2 and bent. Some may be missing, and a few may not belong to the lattice. If
+    whole rows or columns at the border are missing, the placement nearest to the expected one is
+    used.
 
     Parameters
     ----------
     points : (k, 2) px, in any order
-    expected : (m, 2) px, NaN where a point is not expected to be seen
+    expected : (m, 2) px, NaN for points out of view
 
     Raises
     ------
-    ImageError : the points are not those of the lattice, or may be so in several ways
+    ImageError : the points do not form the lattice, or their numbering is ambiguous
     """
     expected = np.asarray(expected, float)
-    _check_extra(len(points), len(lattice), lattice)  # else millions of them would be grown first
+    _check_extra(len(points), len(lattice), lattice)  # growing millions of points is slow
     sites = largest(points, np.ones(len(points)), *_expected_steps(expected, lattice))
     if len(sites) < FEWEST:
         raise ImageError(
@@ -277,7 +268,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
             rows=lattice.rows,
         )
 
-    # the place of each in the lattice
+    # number the points
     index = np.array(list(sites.values()))
     places = _placements(np.array(list(sites)), lattice)
     at = points[index]
@@ -290,7 +281,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
 
 
 def _check_extra(n_points: int, n: int, lattice: Lattice) -> None:
-    """Raise ImageError if, of so many points, too few (n) have a place in the lattice."""
+    """Raise ImageError if too few (n) of the points have a place in the lattice."""
     extra = n_points - n
     if extra > max(3, n // 4):
         raise ImageError(
@@ -304,7 +295,7 @@ def _check_extra(n_points: int, n: int, lattice: Lattice) -> None:
 
 
 def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArray]:
-    """Shapes and steps for `_seeds` at some places of the expected lattice."""
+    """Shapes and steps for `_seeds` at samples of the expected lattice."""
     at = (expected[:, 0] + 1j * expected[:, 1]).reshape(lattice.rows, lattice.columns)
     right = (at[:-1, 1:] - at[:-1, :-1]).ravel()
     down = (at[1:, :-1] - at[:-1, :-1]).ravel()
@@ -323,10 +314,10 @@ def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArra
 
 
 def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
-    """Ways to put sites (n, 2) into the lattice that leave (nearly) the fewest over.
+    """Placements of sites (n, 2) in the lattice with at most one more left over than the best.
 
-    Each as a number of the turn and slant that it takes, and which point (n,) each is then, -1
-    for none. Slanted, because a lattice grows as well by steps along its diagonals.
+    Each has the number of its rotation and slant, and the lattice index (n,) of each site, -1 for
+    none. Slants are needed because a lattice may grow by steps along its diagonals.
     """
     size = np.array([lattice.columns, lattice.rows])
     ways = []
@@ -335,8 +326,8 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
         turned = sites @ slant @ turn
         turned -= turned.min(axis=0)
 
-        # how many sites lie in a window of the lattice's size that
-        # begins at - (size - 1), ...: by sums from the corner
+        # number of sites in each window of the lattice's size, beginning at
+        # -(size - 1), from a summed-area table
         total = np.zeros(turned.max(axis=0) + 2 * size, int)
         np.add.at(total, tuple((turned + size).T), 1)
         total = total.cumsum(axis=0).cumsum(axis=1)
@@ -344,7 +335,7 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
         m, n = np.array(total.shape) - size
         ways.append((turned, total[w:, h:] - total[:m, h:] - total[w:, :n] + total[:m, :n]))
 
-    # all windows with nearly the most sites
+    # all windows with at most one site less than the best
     fewest = max(max(count.max() for _, count in ways) - 1, FEWEST)
     places = []
 
@@ -360,8 +351,9 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
 def _nearest_placement(
     places: list[tuple[int, Ints]], at: Floats, expected: Floats, lattice: Lattice
 ) -> Ints:
-    """The placement turned least against those expected, of
-    these the nearest; ImageError where it is not clear.
+    """The placement with the least rotation from the expected points, then the nearest; ImageError
+    if
+    it is ambiguous.
     """
     turned: dict[int, float] = {}
     distance = []
@@ -371,13 +363,13 @@ def _nearest_placement(
         both = np.isfinite(wanted).all(axis=1)
         distance.append(np.linalg.norm((at - wanted)[both].mean(axis=0)) if both.any() else np.inf)
 
-        # turned and scaled as a whole, and bent
+        # similarity transform, and residual bend
         p, e = (xy[both, 0] + 1j * xy[both, 1] for xy in (at, wanted))
         if both.sum() >= 2:
             p = p - p.mean()
             e = e - e.mean()
             grown = np.vdot(e, p) / np.vdot(e, e)
-            # bent by its whole size counts as 2 rad
+            # a bend as large as the lattice counts as 2 rad
             bent = np.linalg.norm(p - grown * e) / np.linalg.norm(grown * e)
             off = abs(np.angle(grown)) + 2 * bent
             turned[number] = min(off, turned.get(number, np.inf))

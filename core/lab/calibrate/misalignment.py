@@ -1,8 +1,8 @@
-"""The view of a bench whose parts do not stand, or are not made, as planned.
+"""The view of a misaligned bench.
 
-A dot of the source image stays where it is on the display; the viewer sees it where a ray lands on
-it. With y the map from viewer to display and p the errors, dx = -J^-1 dy/dp: by the view map's own
-derivatives, with no dot looked for.
+A dot of the source image stays at its display px, and the viewer sees it at the px whose ray lands
+there. With the map y from viewer to display and errors p, the dot moves by dx = -J^-1 dy/dp. The
+view map's derivatives are enough, without a search for each dot.
 """
 
 from collections.abc import Generator
@@ -22,19 +22,19 @@ from ...rig.rig import Rig
 from ...rig.settings import Settings
 from ...rig.viewer import Viewer
 
-FEWEST = 4  # points: eight numbers, as many as a picture in perspective has
+FEWEST = 4  # points: eight coordinates, as many as a perspective mapping has parameters
 
 
 @dataclass(frozen=True)
 class Newton:
-    """How a dot of the display is found in the viewer's image; held to traced benches by
+    """Newton's method for a display dot in the viewer's image, verified on traced benches in
     tests/core/test_misalignment.py.
 
-    step_px : viewer px, for derivatives of the view map
+    step_px : viewer px, step of the finite differences
     most_steps : of Newton's method
-    farthest_px : viewer px, in one of them
-    converged_px : display px
-    found_px : display px, by which a dot may be missed that counts as found
+    farthest_px : viewer px, longest step
+    converged_px : display px, error that ends the iteration
+    found_px : display px, largest error of a found dot
     """
 
     step_px: float = 0.02
@@ -48,24 +48,23 @@ NEWTON = Newton()
 
 
 class Bench:
-    """A planned rig and the points of the picture that are looked at.
+    """A planned rig and observed points of its picture.
 
     Parameters
     ----------
     rig, settings : as planned
-    view : (m, 2) viewer px at which the points are seen as long as nothing is off
-    among : the parameters that may be off; by default all
+    view : (m, 2) viewer px of the points on the planned bench
+    among : parameters with errors, by default all
 
     Attributes
     ----------
-    display : (m, 2) display px at which the display shows the
-        points; NaN where the viewer does not see them
+    display : (m, 2) display px of the points; NaN if the viewer does not see them
     """
 
     def __init__(
         self, rig: Rig, settings: Settings, view: Floats, among: list[Parameter] | None = None
     ) -> None:
-        # a point that is seen beside the glass is none of those that are seen in it
+        # glare suppression is off: dots seen past the glass are not observed
         self.rig = rig
         self.settings = replace(settings, suppress_glare=0.0)
         self.view = np.asarray(view, float)
@@ -76,19 +75,19 @@ class Bench:
 
     @property
     def viewer(self) -> Viewer:
-        """The one in whose image the points are: the rig's first."""
+        """The viewer with the points in its image: the rig's first."""
         return self.rig.viewers[0]
 
     def plan(self, amounts: Floats | None = None) -> Plan:
-        """Of the bench, with amounts (p,) of its parameters."""
+        """The bench's plan with errors (p,)."""
         amounts = np.zeros(len(self.parameters)) if amounts is None else np.array(amounts, float)
         return compile_plan(self._rig(amounts), self.settings, self._kept)
 
     def _rig(self, amounts: Floats) -> Rig:
-        """The rig with amounts (p,) off.
+        """The rig with errors (p,).
 
-        Parts that are off as they were in the last one are the same objects, of which plans keep
-        what they know: of two that differ in one amount all but one part is made ready already.
+        Parts with the same errors as in the last call are the same objects, so their compiled data
+        are reused: between two rigs that differ in one amount, only one part is compiled.
         """
         before, rig = self._off
         places = {self.parameters[k].part for k in np.flatnonzero(amounts != before)}
@@ -106,19 +105,19 @@ class Bench:
         return rig
 
     def shown(self, amounts: Floats) -> Floats:
-        """Display px (m, 2) at which the points have to be
-        shown when amounts (p,) are known to be off.
+        """Display px (m, 2) that show the points at their planned viewer px, on a bench with errors
+        (p,).
         """
         return self._on_branch(self.plan(amounts), self.view)
 
     def seen(
         self, amounts: Floats, start: Floats | None = None, display: Floats | None = None
     ) -> Floats:
-        """Where the points are seen (m, 2), viewer px, with amounts
-        (p,) off; NaN where they are not, or not found.
+        """Viewer px (m, 2) of the points on a bench with errors (p,); NaN if invisible or not
+        found.
 
-        By Newton's method from `start` (m, 2), by default from where they are planned to be
-        seen. The points are shown where that was planned, or at display px (m, 2).
+        Newton's method starts at `start` (m, 2), by default the planned viewer px. The display
+        shows the points at `display` px (m, 2), by default as planned.
         """
         wanted = self.display if display is None else display
         plan = self.plan(amounts)
@@ -134,7 +133,7 @@ class Bench:
             if not np.nanmax(np.abs(missing), initial=0.0) > NEWTON.converged_px:
                 break
 
-        # not found
+        # remove points without convergence
         y, _ = self._land(plan, at, self._branch)
         with np.errstate(invalid="ignore"):
             at[~(np.abs(y - wanted) <= NEWTON.found_px).all(axis=1)] = np.nan
@@ -142,18 +141,19 @@ class Bench:
         return at
 
     def sensitivity(self, amounts: Floats | None = None, at: Floats | None = None) -> Floats:
-        """How the points move (p, m, 2), viewer px for a unit of
-        each parameter, by the view map's derivatives.
+        """Movement (p, m, 2) of the points, viewer px per unit of each parameter, from the view
+        map's
+        derivatives.
 
-        amounts (p,) and at (m, 2): the errors, and where the
-        points are seen then; by default nothing, as planned
+        amounts : (p,) errors, by default none
+        at : (m, 2) viewer px of the points with these errors, by default as planned
         """
         return run_steps(self.sensitivities(amounts, at))
 
     def sensitivities(
         self, amounts: Floats | None = None, at: Floats | None = None
     ) -> Generator[float, None, Floats]:
-        """The same in steps; yields progress 0..1."""
+        """`sensitivity` in steps; yields progress 0..1."""
         amounts = np.zeros(len(self.parameters)) if amounts is None else np.asarray(amounts, float)
         at = self.view if at is None else at
         _, j = self._derivatives(self.plan(amounts), at)
@@ -166,7 +166,7 @@ class Bench:
                 off[k] += sign * parameter.step
                 ends.append(self._on_branch(self.plan(off), at))
 
-            # a dot stays where it is on the display: the viewer's image gives way
+            # the dot's display px is fixed, so its viewer px moves the opposite way
             found[k] = -_solved(j, (ends[0] - ends[1]) / (2 * parameter.step))
             yield (k + 1) / len(self.parameters)
 
@@ -181,10 +181,10 @@ class Bench:
     def _land(
         self, plan: Plan, at: Floats, expected: Words | None = None
     ) -> tuple[Floats, np.ndarray]:
-        """Display px (n, 2), also beside a flat display, and
-        branch (n,) of viewer px (n, 2); NaN for none.
+        """Display px (n, 2), also outside a flat display, and branch (n,) of viewer px (n, 2); NaN
+        without a landing.
 
-        Where light goes several ways the one on the expected branch (n,) counts.
+        If light splits, the landing on the expected branch (n,) counts.
         """
         is_there = np.isfinite(at).all(axis=1)
         xy = np.full(at.shape, np.nan)
@@ -199,8 +199,8 @@ class Bench:
         return xy, branch
 
     def _on_branch(self, plan: Plan, at: Floats) -> Floats:
-        """Landings (k m, 2) of viewer px; NaN where light takes
-        another way than as planned to the same point.
+        """Landings (k m, 2) of viewer px; NaN if light takes another branch than the planned one to
+        the same point.
         """
         planned = np.tile(self._branch, len(at) // len(self.view))
         xy, branch = self._land(plan, at, planned)
@@ -209,7 +209,7 @@ class Bench:
 
 
 def _solved(j: Floats, b: Floats) -> Floats:
-    """x (m, 2) with j x = b, for matrices (m, 2, 2); NaN where they are singular or unknown."""
+    """x (m, 2) with j x = b, for matrices (m, 2, 2); NaN for singular or NaN matrices."""
     det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
     with np.errstate(invalid="ignore", divide="ignore"):
         x = (j[:, 1, 1] * b[:, 0] - j[:, 0, 1] * b[:, 1]) / det
@@ -218,11 +218,11 @@ def _solved(j: Floats, b: Floats) -> Floats:
 
 
 def spread(sensitivity: Floats, tolerances: Floats, n: int = 1000, seed: int = 0) -> Floats:
-    """Mean lengths (n,), viewer px, by which the points move on random benches, to first order.
+    """Mean movements (n,) of the points on random benches, viewer px, to first order.
 
     Parameters
     ----------
-    sensitivity : (p, m, 2) as Bench.sensitivity gives it
+    sensitivity : (p, m, 2) from Bench.sensitivity
     tolerances : (p,) standard deviations of the parameters
     """
     amounts = np.random.default_rng(seed).standard_normal((n, len(tolerances))) * tolerances

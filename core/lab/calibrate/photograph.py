@@ -1,17 +1,17 @@
-"""Finds the dots and crossings of a lattice in a photograph, to a hundredth of a pixel.
+"""Detection of a lattice's dots and crossings in a photograph, to a hundredth of a pixel.
 
 Bright maxima of the Hessian's determinant are candidates, in the image and in its halves,
-quarters and so on. Each candidate is fitted as a dot and as a crossing, and the largest lattice
-that grows out of dots or out of crossings (match.py) is the result.
+quarters and so on. Each candidate is fitted as a dot and as a crossing. The result is the largest
+lattice grown from dots or from crossings (match.py).
 
-- *Crossing*: on circles around it two lines show as four bright arms. Along each line the ridge of
+- *Crossing*: on circles around it, two lines show as four bright arms. Along each line the ridge of
   its light is a parabola, z = a + b t + c t^2 across it, fitted to centroids at stations on both
-  sides. The crossing is the point where both parabolas meet. The middle itself, where the lines
-  overlap, is left out, since each line would bias the other.
-- *Dot*: the part of a window that is connected with its middle and brighter than half of its
-  contrast. Glare or a gradient would bias its centroid, so a plane is fitted to the calm part of a
-  ring around the dot, and the centroid is that of the light above the plane:
-  c = sum w x / sum w, w = clip(light - plane).
+  sides. The crossing is the intersection of the parabolas. The overlap of the lines in the middle
+  is excluded, because each line would bias the other.
+- *Dot*: the part of a window connected with its middle and brighter than half of its contrast.
+  Glare or a gradient would bias its centroid. So a plane is fitted to the calm part of a ring
+  around the dot, and the centroid is of the light above the plane: c = sum w x / sum w, w =
+  clip(light - plane).
 """
 
 from itertools import product
@@ -27,22 +27,24 @@ from ...base.products import solve_symmetric
 from .drawn import Style
 from .match import SHAPES, is_lattice, largest
 
-# Held to rendered photographs by tests/core/test_lattice.py.
-N_LEVELS = 5  # the image and its halves, quarters ...
-LEAST_SIDE_PX = 24  # of an image in which anything is looked for
-ABOVE_NOISE = 5.0  # times the noise of the level, the least strength
-LEAST_STRENGTH = 6e-5  # of the image's range: that of a dot whose contrast is 5e-4 of it
+# Verified on rendered photographs in tests/core/test_lattice.py.
+N_LEVELS = 5  # the image, its halves, quarters and so on
+LEAST_SIDE_PX = 24  # smallest image side
+ABOVE_NOISE = 5.0  # least strength, in multiples of the level's noise
+LEAST_STRENGTH = 6e-5  # fraction of the image's range, for a dot with a contrast of 5e-4 of it
 MOST_CANDIDATES = 4000  # of a level, the strongest
 AROUND_PX = 20  # of a level, on each side of a candidate
-AT_ONCE = 500  # candidates that are looked at together
-ROWS_AT_ONCE = 128  # so that a step's arrays stay in the processor's cache
+AT_ONCE = 500  # candidates in a batch
+ROWS_AT_ONCE = 128  # so that the arrays fit into the processor's cache
 HALO = 8  # rows: three passes of two, one for derivatives, one for maxima
 
 
 class Marks(NamedTuple):
     """Dots or crossings in the middles of windows.
 
-    which (n,) windows; off (n, 2) px from the middle; radius, contrast (n,)
+    which : (n,) windows
+    off : (n, 2) px from the middle
+    radius, contrast : (n,)
     """
 
     which: Ints
@@ -52,7 +54,7 @@ class Marks(NamedTuple):
 
 
 def levels_of(grey: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-    """The image, and means of 2 x 2, 4 x 4 ... of its pixels, which keep centroids."""
+    """The image and its 2 x 2, 4 x 4 ... means, which preserve centroids."""
     levels = [grey]
     while len(levels) < N_LEVELS and min(levels[-1].shape) >= 2 * LEAST_SIDE_PX:
         last = levels[-1]
@@ -63,10 +65,10 @@ def levels_of(grey: NDArray[np.float32]) -> list[NDArray[np.float32]]:
 
 
 def candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
-    """Pixels x, y (k,) where the image bends down in all
-    directions, as at dots and crossings but not along lines.
+    """Pixels x, y (k,) with negative curvature in all directions, as at dots and crossings but not
+    along lines, and their strengths (k,).
 
-    And how much: the root of the Hessian's determinant.
+    The strength is the root of the Hessian's determinant.
     """
     h = len(level)
     padded = np.pad(level, HALO, mode="reflect")
@@ -83,7 +85,7 @@ def candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
 
     # well above the noise, the strongest first
     x, y, strength = np.concatenate(found).T
-    # the median of normal noise, its sign aside, is 0.67 deviations; a trace is two strengths
+    # the median of absolute normal noise is 0.67 deviations; a trace is two strengths
     level_noise = np.median(np.abs(np.concatenate(noise))) / 0.67 / 2
     least = max(ABOVE_NOISE * level_noise, LEAST_STRENGTH * np.ptp(level))
     strong = np.flatnonzero(strength > least)
@@ -93,7 +95,7 @@ def candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
 
 
 def _bend(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Determinant of the Hessian, 0 where the image does not bend down, and its trace."""
+    """The Hessian's determinant, 0 unless the curvature is negative, and its trace."""
     for _ in range(3):  # each with a variance of one pixel squared
         rows = _smooth(rows)
         rows = _smooth(rows.T).T
@@ -110,7 +112,7 @@ def _bend(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.fl
 
 
 def _is_top(bend: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which pixels, but for the outermost, are above 0 and the largest of nine?"""
+    """Mask of the inner pixels above 0 and largest among their neighbours."""
     middle = bend[1:-1, 1:-1]
     is_top = middle > 0
     n, m = middle.shape
@@ -122,7 +124,7 @@ def _is_top(bend: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def _smooth(rows: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Binomial of five along the first axis, which loses two at each end."""
+    """Binomial filter of width 5 along the first axis, which removes two rows at each end."""
     one = rows[1:] + rows[:-1]
     two = one[1:] + one[:-1]
     one = two[1:] + two[:-1]
@@ -130,13 +132,15 @@ def _smooth(rows: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def windows_at(padded: NDArray[np.float32], x: Ints, y: Ints) -> NDArray[np.float32]:
-    """The image around pixels (k,): (k, s, s), s = 2 around_px + 1; padded by around_px."""
+    """Windows (k, s, s) around pixels (k,), s = 2 AROUND_PX + 1, of an image padded by
+    AROUND_PX.
+    """
     side = np.arange(2 * AROUND_PX + 1)
     return padded[y[:, None, None] + side[:, None], x[:, None, None] + side]
 
 
 def read_between(windows: NDArray[np.float32], at: NDArray[np.complex128]) -> Floats:
-    """Windows (k, s, s) at places (k, ..., ) off their middles, x + iy, bilinear."""
+    """Bilinear samples of windows (k, s, s) at offsets (k, ...) from their middles, x + iy."""
     around = AROUND_PX
     most = 2 * around - 1e-3
     x = np.clip(at.real + around, 0, most)
@@ -155,22 +159,22 @@ def read_between(windows: NDArray[np.float32], at: NDArray[np.complex128]) -> Fl
     ) * y
 
 
-# Numbers of this file are held to rendered photographs by tests/core/test_lattice.py; px are those
-# of a level, and contrast is that of the dot or crossing.
-GROUND_PERCENT = 30  # of pixels or directions are darker than the ground
-RADII_PX = np.arange(5.0, 14.0)  # of a level, at which arms are looked for
+# Verified on rendered photographs in tests/core/test_lattice.py. Px are of a level, and contrast is
+# of the dot or crossing.
+GROUND_PERCENT = 30  # percentile of pixels or directions at ground level
+RADII_PX = np.arange(5.0, 14.0)  # of a level, circles for the arms
 TURNS_AROUND = np.exp(1j * (2 * np.pi * np.arange(72) / 72))  # directions, x + iy
 # px of a level, along a line, and across it
 STATIONS_PX = np.concatenate([-np.arange(5.0, 13.0), np.arange(5.0, 13.0)])
 ACROSS_PX = np.arange(-4.5, 4.75, 0.5)
-N_RIDGES = 3  # times a parabola is laid through the ridge, each around the one before
+N_RIDGES = 3  # fits of a parabola to the ridge, each around the previous one
 N_NEWTON = 5
-WAVY_PX = 0.7  # rms by which a line may be off its parabola
+WAVY_PX = 0.7  # rms residual of a line from its parabola
 FARTHEST_PX = 3.0  # of a crossing from the window's middle
 
 
 def find_crossings(windows: NDArray[np.float32]) -> Marks:
-    """The crossings in the middles of windows (k, s, s); their radius is 1."""
+    """Crossings in the middles of windows (k, s, s); their radius is 1."""
     kept, lines, contrast = _arms(windows)
     parabolas, is_line = _ridges(windows[kept], lines)
     place = _meeting(lines, parabolas)
@@ -186,12 +190,13 @@ def find_crossings(windows: NDArray[np.float32]) -> Marks:
 
 
 def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], Floats]:
-    """Windows (n,) with four arms, two by two straight on, the
-    directions (n, 2) of their lines, and their contrast (n,).
+    """Windows (n,) with four arms in two nearly straight pairs, the directions (n, 2) of their
+    lines,
+    and their contrast (n,).
     """
     at = RADII_PX[:, None] * TURNS_AROUND
     arms = np.sort(read_between(windows, np.broadcast_to(at, (len(windows), *at.shape))), 1)
-    along = arms[:, len(RADII_PX) // 3]  # an arm is bright nearly all the way
+    along = arms[:, len(RADII_PX) // 3]  # a percentile: an arm is bright nearly everywhere
     low = np.percentile(along, GROUND_PERCENT, axis=1)
     high = along.max(axis=1)
     excess = along - (low + 0.4 * (high - low))[:, None]
@@ -203,7 +208,7 @@ def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], F
     contrast = (high - low)[kept]
     excess = np.maximum(excess[kept], 0)
 
-    # the mean direction of each
+    # mean direction of each arm
     number = np.cumsum(starts[kept], axis=1) % 4
     directions = np.stack([(excess * (number == k)) @ TURNS_AROUND for k in range(4)], axis=1)
     ahead = directions[:, :2]
@@ -216,8 +221,8 @@ def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], F
 
 
 def _ridges(windows: NDArray[np.float32], lines: NDArray[np.complex128]) -> tuple[Floats, Bools]:
-    """Parabolas (n, 2, 3) along two lines of windows (n, s, s) with
-    directions (n, 2), and whether both lines (n,) keep to them.
+    """Parabolas (n, 2, 3) along the two lines, with directions (n, 2), in windows (n, s, s), and a
+    mask (n,) of the windows with two good fits.
     """
     design = np.stack([np.ones_like(STATIONS_PX), STATIONS_PX, STATIONS_PX**2], axis=1)
     parabolas = np.zeros((len(lines), 2, 3))
@@ -229,7 +234,7 @@ def _ridges(windows: NDArray[np.float32], lines: NDArray[np.complex128]) -> tupl
             at = STATIONS_PX[:, None] + 1j * (ridge[:, :, None] + ACROSS_PX)
             values = read_between(windows, line[:, None, None] * at)
 
-            # by the centroid of the light across it
+            # centroid of the light across the line
             dark = values.min(axis=2, keepdims=True)
             bright = values.max(axis=2, keepdims=True)
             weight = np.maximum(values - dark - 0.15 * (bright - dark), 1e-12)
@@ -243,7 +248,9 @@ def _ridges(windows: NDArray[np.float32], lines: NDArray[np.complex128]) -> tupl
 
 
 def _meeting(lines: NDArray[np.complex128], parabolas: Floats) -> NDArray[np.complex128]:
-    """Where the two lines (n, 2) meet, x + iy: line 0 at t0, line 1 at t1, by Newton's method."""
+    """Intersections (n,) of two lines (n, 2), x + iy: line 0 at t0, line 1 at t1, by Newton's
+    method.
+    """
     t = np.zeros((len(lines), 2))
     one = np.stack([np.ones(len(lines)), np.zeros(len(lines)), np.zeros(len(lines))], axis=1)
 
@@ -255,7 +262,7 @@ def _meeting(lines: NDArray[np.complex128], parabolas: Floats) -> NDArray[np.com
         gap = place[:, 1] - place[:, 0]
 
         cross = (tangent[:, 0].conj() * tangent[:, 1]).imag
-        cross = np.where(np.abs(cross) < 0.1, 1.0, cross)  # nearly parallel: they do not cross
+        cross = np.where(np.abs(cross) < 0.1, 1.0, cross)  # nearly parallel lines do not cross
         step = np.stack(
             [(gap.conj() * tangent[:, 1]).imag / cross, (gap.conj() * tangent[:, 0]).imag / cross],
             axis=1,
@@ -265,17 +272,19 @@ def _meeting(lines: NDArray[np.complex128], parabolas: Floats) -> NDArray[np.com
     return place[:, 0]
 
 
-BESIDE = 0.25  # of the contrast: the most that light outside of a dot, or below the plane, counts
-# off a window's middle, px, pixel by pixel
+BESIDE = 0.25  # of the contrast: limit of the weight outside a dot and of negative weights
+# px from a window's middle, for each pixel
 X, Y = (a.ravel() for a in np.meshgrid(*2 * [np.arange(-AROUND_PX, AROUND_PX + 1.0)]))
 
 
 class _Spots(NamedTuple):
     """Spots in the middles of windows.
 
-    which (n,) windows; light, smooth, region : of the windows, as they are,
-    smoothed, and which of their pixels are within the outline
-    contrast, ground (n,); area (n,) of the outline, px^2
+    which : (n,) windows
+    light, smooth : (n, s, s) the windows, unfiltered and smoothed
+    region : (n, s, s) mask of the outline
+    contrast, ground : (n,)
+    area : (n,) px^2, of the outline
     """
 
     which: Ints
@@ -305,13 +314,13 @@ class _Ellipses(NamedTuple):
 
 
 def find_dots(windows: NDArray[np.float32]) -> Marks:
-    """The dots in the middles of windows (k, s, s)."""
+    """Dots in the middles of windows (k, s, s)."""
     spots = _spots(windows)
     ellipses = _ellipses(spots)
     long = (ellipses.xx + ellipses.yy) / 2 + np.sqrt(
         (ellipses.xx - ellipses.yy) ** 2 / 4 + ellipses.xy**2
     )
-    # nearly as large as an ellipse of its moments, not long, and its ring lies in the window
+    # nearly elliptic, not long, and with a ring inside the window
     keep = (
         (spots.area > 0.85 * 4 * np.pi * np.sqrt(ellipses.det))
         & (long**2 < 3.0**2 * ellipses.det)
@@ -321,7 +330,7 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
     ellipses = ellipses.at(keep)
     light, smooth = (a.reshape(len(a), len(X)) for a in (spots.light, spots.smooth))
 
-    # from the middle, as a multiple of the ellipse that has the region's moments
+    # distance from the middle, in multiples of the ellipse with the region's moments
     dx = X - ellipses.x[:, None]
     dy = Y - ellipses.y[:, None]
     rho = np.sqrt(
@@ -335,7 +344,7 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
         / 4
     )
 
-    # the ground around it
+    # ground plane
     radius = np.sqrt(spots.area / np.pi)
     inner, outer = ((a + b / radius)[:, None] for a, b in ((1.35, 1.5), (1.9, 2.0)))
     ring = (rho > inner) & (rho < outer)
@@ -343,7 +352,7 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
     n_calm = calm.sum(axis=1)
     rms = np.sqrt((calm * off**2).sum(axis=1) / np.maximum(n_calm, 1))
 
-    # light from beside is cut off, so that it hardly draws the centroid
+    # stray light is clipped to limit its effect on the centroid
     contrast = spots.contrast
     bright = contrast[:, None] * np.where(rho < (1.1 + 0.5 / radius)[:, None], 1.3, BESIDE)
     dark = -BESIDE * contrast[:, None]
@@ -353,12 +362,12 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
 
     keep = (n_calm > 0.6 * ring.sum(axis=1)) & (rms < 0.2 * contrast)  # its ground is calm
     drawn = np.hypot(centre[:, 0] - ellipses.x, centre[:, 1] - ellipses.y)
-    keep &= drawn < 0.05 * radius + 0.15  # else light from beside draws it
+    keep &= drawn < 0.05 * radius + 0.15  # else stray light shifts it
     return Marks(spots.which[keep], centre[keep], radius[keep], contrast[keep])
 
 
 def _spots(windows: NDArray[np.float32]) -> _Spots:
-    """Windows (k, s, s) with something in their middles that lies in them wholly."""
+    """Spots in windows (k, s, s) that lie completely inside."""
     smooth = np.pad(windows, ((0, 0), (1, 1), (1, 1)), mode="edge")
     smooth = smooth[:, :-2] + 2 * smooth[:, 1:-1] + smooth[:, 2:]
     smooth = (smooth[:, :, :-2] + 2 * smooth[:, :, 1:-1] + smooth[:, :, 2:]) / 16
@@ -367,7 +376,7 @@ def _spots(windows: NDArray[np.float32]) -> _Spots:
     contrast = smooth[:, AROUND_PX, AROUND_PX] - ground
     region = _flooded(smooth > (ground + contrast / 2)[:, None, None])
 
-    # not cut off by the window
+    # not cut by the window
     is_whole = ~(region[:, [0, -1]].any(axis=(1, 2)) | region[:, :, [0, -1]].any(axis=(1, 2)))
     area = region.sum(axis=(1, 2))
     keep = is_whole & (area >= 9)
@@ -383,7 +392,7 @@ def _spots(windows: NDArray[np.float32]) -> _Spots:
 
 
 def _ellipses(spots: _Spots) -> _Ellipses:
-    """Ellipses that have the moments of the outlines."""
+    """Ellipses with the moments of the outlines."""
     region = spots.region.reshape(len(spots.region), len(X))
     x = region @ X / spots.area
     y = region @ Y / spots.area
@@ -394,8 +403,8 @@ def _ellipses(spots: _Spots) -> _Ellipses:
 
 
 def _plane(spots: _Spots, smooth: NDArray[np.float32], ring: Bools) -> tuple[Floats, Floats, Bools]:
-    """Planes (n, p) through the calm parts of rings (n, p), how far smoothed
-    light (n, p) is off them, and where it is calm (n, p).
+    """Planes (n, p) through the calm parts of rings (n, p), residuals (n, p) of the smoothed light,
+    and masks (n, p) of the calm parts.
     """
     edge = spots.ground + spots.contrast / 2
     calm = ring & (smooth < edge[:, None])
@@ -411,7 +420,7 @@ def _plane(spots: _Spots, smooth: NDArray[np.float32], ring: Bools) -> tuple[Flo
 
 
 def _flooded(mask: Bools) -> Bools:
-    """The parts of masks (k, s, s) that are connected with their middle pixel."""
+    """The parts of masks (k, s, s) connected with their middle pixels."""
     region = np.zeros_like(mask)
     middle = mask.shape[1] // 2
     region[:, middle, middle] = mask[:, middle, middle]
@@ -429,23 +438,23 @@ def _flooded(mask: Bools) -> Bools:
     return region
 
 
-FINER_RANK = 0.8  # of a dot's rank, at the next coarser level: the finest at which it is whole
-ALIKE_SIZE = 1.5  # times the size: dots in one place are one dot up to here
-RANK_IN_GLARE = 0.25  # of the rank: a dot may stand in a glare
+FINER_RANK = 0.8  # factor of a dot's rank per level, which prefers the finest complete one
+ALIKE_SIZE = 1.5  # size ratio up to which dots at one position are the same
+RANK_IN_GLARE = 0.25  # fraction of a glare's rank, down to which a dot inside counts
 
 
 def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Floats:
-    """Positions (k, 2), px, of bright dots or crossings of
-    bright lines that stand in a lattice; in no order.
+    """Positions (k, 2), px, of a lattice of bright dots or of crossings of bright lines, unordered.
 
     Parameters
     ----------
-    image : (h, w) or (h, w, c), row 0 at the top; linear or encoded, for symmetric dots stay so
-    style : dots or crossings; by default, whichever is found more often
+    image : (h, w) or (h, w, c), row 0 at the top; linear or encoded, since symmetric dots stay
+        symmetric
+    style : dots or crossings; 'auto' for the larger lattice
 
     Raises
     ------
-    ImageError : there is no lattice in the image
+    ImageError : no lattice in the image
     """
     found = _marks(_grey(image), ("dots", "grid") if style == "auto" else (style,))
 
@@ -472,7 +481,9 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
 
 
 def _marks(grey: NDArray[np.float32], styles: tuple[Style, ...]) -> dict[Style, list[Floats]]:
-    """Dots and crossings at all levels, by style: place, size and rank (n, 4), px of the image."""
+    """Dots and crossings at all levels, by style: position, size and rank (n, 4), px of the
+    image.
+    """
     finders = {"dots": find_dots, "grid": find_crossings}
     found = {style: [np.empty((0, 4))] for style in styles}
 
@@ -488,8 +499,8 @@ def _marks(grey: NDArray[np.float32], styles: tuple[Style, ...]) -> dict[Style, 
 
             for style in styles:
                 marks = finders[style](windows)
-                # of dots the finest level at which they are whole is
-                # the best, of crossings the one that fits
+                # a dot is best at the finest level at which it is complete, a crossing at the level
+                # of its width
                 if style == "dots":
                     rank = marks.contrast * FINER_RANK**level
                     size = scale * marks.radius
@@ -504,7 +515,7 @@ def _marks(grey: NDArray[np.float32], styles: tuple[Style, ...]) -> dict[Style, 
 
 
 def _grey(image: ArrayLike) -> NDArray[np.float32]:
-    """One float channel (h, w), finite."""
+    """One finite float channel (h, w)."""
     image = np.asarray(image)
     if image.ndim not in (2, 3) or min(image.shape[:2]) < LEAST_SIDE_PX:
         raise ImageError(
@@ -529,8 +540,8 @@ def _grey(image: ArrayLike) -> NDArray[np.float32]:
 
 
 def _distinct(found: Floats) -> Floats:
-    """Points (n, 3) with radius of those found (k, 4), with rank
-    too: of several in one place that of highest rank.
+    """Distinct points (n, 3), with radius, from found ones (k, 4), with radius and rank: at each
+    position the one of highest rank.
     """
     found = found[np.argsort(-found[:, 3], kind="stable")][:MOST_CANDIDATES]
 
@@ -541,7 +552,7 @@ def _distinct(found: Floats) -> Floats:
         if free[k]:
             size, rank = found[k, 2:]
             sizes, ranks = found[k + 1 :, 2:].T
-            # a dot may stand in a glare
+            # a dot of another size may be inside a glare
             is_same = (sizes < ALIKE_SIZE * size) & (size < ALIKE_SIZE * sizes)
             is_same |= ranks < RANK_IN_GLARE * rank
             free[k + 1 :] &= ~is_same | (np.abs(at[k + 1 :] - at[k]) > np.maximum(size, sizes))

@@ -1,5 +1,6 @@
-"""From where is the picture seen? Viewers on a sphere
-around it, each looking straight at points of it.
+"""The visible range: directions from which the picture is seen.
+
+Viewers are placed on a sphere around the picture and look at sampled points of it.
 """
 
 from collections.abc import Generator
@@ -20,14 +21,14 @@ from ...light.trace import trace_all
 
 @dataclass(frozen=True)
 class Survey:
-    """Where viewers are placed, and how many points of the picture each looks at.
+    """Sampling of the visible range.
 
-    farthest_rad : from the viewer's own place, each way
-    n_steps : places along each way over the whole range
-    fine_rad : steps straight to the left, right, down and up, to tell angles
-    n_points : of the picture that are looked at, at the most
-    rays_at_once : that are traced together
-    rounding : of shares
+    farthest_rad : angle from the viewer's own position, each way
+    n_steps : steps along each axis over the whole range
+    fine_rad : step to the left, right, down and up, for the extent
+    n_points : most points on the picture
+    rays_at_once : rays traced together
+    rounding : tolerance of shares
     """
 
     farthest_rad: float = np.radians(75.0)
@@ -43,17 +44,16 @@ SURVEY = Survey()
 
 @dataclass(frozen=True, eq=False)
 class VisibleRange:
-    """The picture's points as viewers see them at places of a
-    grid, rows going up and columns to the right.
+    """The picture seen from a grid of positions, rows upwards and columns to the right.
 
     Parameters
     ----------
     positions : (n, n, 3) m, world
-    share : (n, n) of the picture's area whose light comes from the display, 0..1
-    brightness : (n, n) mean throughput of that light
-    extent : how far to the left, right, down and up from the viewer's place as
-        much is seen as was asked for, rad; NaN where not even from there
-    best : largest share seen from any place
+    share : (n, n) of the picture's area with light from the display, 0..1
+    brightness : (n, n) mean throughput of this light
+    extent : angles to the left, right, down and up from the viewer's position up to which enough is
+        seen, rad; NaN if not even the viewer sees enough
+    best : largest share from any position
     """
 
     positions: Floats
@@ -64,11 +64,13 @@ class VisibleRange:
 
 
 def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, VisibleRange]:
-    """Find from where at least a share `enough` of the picture is seen; yields progress 0..1.
+    """Find the positions from which at least a share `enough` of the picture is seen. Yields
+    progress
+    0..1.
 
     Raises
     ------
-    RigError : the picture has no place of its own
+    RigError : the picture moves with the viewer, or is behind it
     """
     picture = plan.rig.picture_place
     picture.check_still()
@@ -80,7 +82,6 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
             picture=picture.name,
         )
 
-    # all places of the grid
     angles = np.linspace(-SURVEY.farthest_rad, SURVEY.farthest_rad, SURVEY.n_steps + 1)
     a, b = np.meshgrid(angles, angles)
     positions = sphere.places(a, b).reshape(-1, 3)
@@ -91,7 +92,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
         share[some], brightness[some] = sphere.seen_from(positions[some])
         yield 0.9 * min(first + step, len(positions)) / len(positions)
 
-    # straight away from the viewer, until less is seen
+    # outward from the viewer until less than enough is seen
     extent = []
     for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1)):
         way = sign * np.arange(0.0, SURVEY.farthest_rad, SURVEY.fine_rad)
@@ -112,7 +113,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
 
 
 class _Sphere:
-    """The sphere around the picture's middle on which the viewer of a plan stands."""
+    """The sphere around the picture's middle through a plan's viewer."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = replace(plan, settings=replace(plan.settings, brightness=True))
@@ -124,7 +125,7 @@ class _Sphere:
         self.distance = float((self.centre - viewer.position) @ self.forward)
 
     def places(self, a: Floats, b: Floats) -> Floats:
-        """Positions (..., 3) by angles (...) to the right and up."""
+        """Positions (..., 3) from angles (...) to the right and up."""
         outward = np.cos(b)[..., None] * (
             np.sin(a)[..., None] * self.right - np.cos(a)[..., None] * self.forward
         )
@@ -146,12 +147,13 @@ class _Sphere:
 
 
 def _points_of(corners: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 3) spread over triangles (m, 3, 3), at most
-    SURVEY.n_points of them, and each one's share (n,) of the area.
+    """Points (n, 3) spread over triangles (m, 3, 3), at most SURVEY.n_points, and their shares (n,)
+    of
+    the area.
     """
     area = areas_of(corners)
 
-    if len(corners) > SURVEY.n_points:  # every so much of the area, a triangle
+    if len(corners) > SURVEY.n_points:  # triangles at equal steps of the cumulative area
         until = np.cumsum(area) / area.sum()
         chosen = np.searchsorted(until, (np.arange(SURVEY.n_points) + 0.5) / SURVEY.n_points)
         return corners[chosen].mean(axis=1), np.full(SURVEY.n_points, 1 / SURVEY.n_points)

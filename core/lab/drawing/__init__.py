@@ -1,1 +1,1 @@
-"""The bench as drawings to scale, for whoever builds it."""
+"""Scale drawings of the bench, for building it."""

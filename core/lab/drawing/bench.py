@@ -1,4 +1,6 @@
-"""The bench drawn to scale, measured from a datum; its corners, and the lattice as seen."""
+"""The bench drawing: parts to scale, measured from a datum, their corners, and the lattice as
+seen.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,15 +19,17 @@ from ...rig.rig import WAVELENGTH, Mesh, Rig, Role, Viewer
 from ..calibrate.drawn import Lattice
 from .svg import GLASS, MARGIN, PART, PICTURE, SIGHT, TEXT, THIN, Paper, PaperSheet, decimal, spread
 
-CREASE = np.cos(np.radians(30))  # of the angle between two facets: beyond, their edge is drawn
+CREASE = np.cos(
+    np.radians(30)
+)  # largest cosine between the normals of two facets for an edge between them
 
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """The smallest rectangle along the longest side of a flat part that holds it.
+    """The smallest rectangle around a flat part, parallel to its longest side.
 
-    corners : (4, 3) m, world: lower left, lower right, upper right, upper left of its image where
-        it has one, else as seen from its front
+    corners : (4, 3) m, world: lower left, lower right, upper right, upper left, of its image if it
+        has one, else as seen from its front
     normal : (3,) unit, to its front
     """
 
@@ -34,27 +38,27 @@ class Rectangle:
 
     @property
     def centre(self) -> Floats:
-        """Its middle (3,), m."""
+        """Middle (3,), m."""
         return self.corners.mean(axis=0)
 
     @property
     def size(self) -> tuple[float, float]:
-        """Its width and height, m."""
+        """Width and height, m."""
         width, height = length_of(np.diff(self.corners[:3], axis=0))
         return float(width), float(height)
 
 
 def contour(mesh: Mesh, direction: Floats) -> Floats:
-    """Edges (e, 2, 3), m, that a drawing of a mesh shows.
+    """Edges (e, 2, 3), m, of a mesh in a drawing.
 
-    They are the rim, creases of more than 30 degrees that are no smooth surface, and the contour
-    against a direction (3,), hidden or not, as glass is seen through.
+    They are the rim, creases of more than 30 degrees outside smooth surfaces, and the silhouette in
+    a direction (3,). Hidden edges are included, because glass is transparent.
     """
     edges = find_edges(mesh.triangles)
     corners = mesh.corners
     normals = geometric_normals(corners)
 
-    # where the surface turns away
+    # the silhouette
     is_facing = dot(normals, direction) > 0
     turns = (is_facing[edges.first] != is_facing[edges.second]) ^ edges.is_same_way
     is_smooth = np.zeros(len(corners), bool) if mesh.is_smooth is None else mesh.is_smooth
@@ -66,7 +70,7 @@ def contour(mesh: Mesh, direction: Floats) -> Floats:
 
 
 def _rim(mesh: Mesh, edges: Edges) -> Floats:
-    """Edges (e, 2, 3), m, with one triangle, or with more than two; `edges` are all others."""
+    """Edges (e, 2, 3), m, with one triangle or with more than two; `edges` has all others."""
     is_paired = np.zeros((len(mesh.triangles), 3), bool)
     is_paired[edges.first, edges.corner_first] = True
     is_paired[edges.second, edges.corner_second] = True
@@ -76,18 +80,17 @@ def _rim(mesh: Mesh, edges: Edges) -> Floats:
 
 
 def rectangle(mesh: Mesh) -> Rectangle | None:
-    """The rectangle around a flat part; None where it is not flat, or has no rim."""
+    """The rectangle around a flat part; None if it is not flat or has no rim."""
     edges = _rim(mesh, find_edges(mesh.triangles))
     if not (mesh.is_flat and len(edges)):
         return None
 
-    # axes along its longest side
+    # axes along the longest side
     normal = normalise(geometric_normals(mesh.corners).sum(axis=0))
     sides = edges[:, 1] - edges[:, 0]
     across = normalise(sides[length_of(sides).argmax()])
     axes = np.stack([across, np.cross(normal, across)])
 
-    # its box along them
     points = edges.reshape(-1, 3)
     places = np.einsum("ni,ki->nk", points - points[0], axes)
     (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
@@ -98,8 +101,9 @@ def rectangle(mesh: Mesh) -> Rectangle | None:
 
 
 def _from_lower_left(corners: Floats, mesh: Mesh) -> Floats:
-    """Corners (4, 3) that begin at the lower left one: of the
-    image, by its UV map, else the lowest and leftmost one.
+    """Corners (4, 3), rotated to begin at the lower left of the image by its UV map; unchanged
+    without
+    a UV map.
     """
     if mesh.uv is None:
         return corners
@@ -107,21 +111,21 @@ def _from_lower_left(corners: Floats, mesh: Mesh) -> Floats:
     points = mesh.corners.reshape(-1, 3)
     nearest = [length_of(points - corner).argmin() for corner in corners]
     uv = mesh.uv.reshape(-1, 2)[nearest]
-    if cross_2d(uv[1] - uv[0], uv[2] - uv[1]) < 0:  # the map is a mirror image
+    if cross_2d(uv[1] - uv[0], uv[2] - uv[1]) < 0:  # the UV map is mirrored
         corners, uv = corners[::-1], uv[::-1]
     return np.roll(corners, -int(uv.sum(axis=1).argmin()), axis=0)
 
 
-UPRIGHT = 1e-6  # of 1: a viewer that looks nearer to straight up or down has no way forward
+UPRIGHT = 1e-6  # horizontal part of a unit vector; below it, a viewer looks straight up or down
 
 
 @dataclass(frozen=True, eq=False)
 class Datum:
-    """A place on the bench and the ways from there.
+    """The origin and axes of the bench's coordinates.
 
-    name : of the edge whose middle it is
+    name : description of the origin
     place : (3,) m, world
-    axes : (3, 3) unit rows: forward, as the viewer looks, but level; to the viewer's right; up
+    axes : (3, 3) unit rows: the viewer's horizontal forward direction; the viewer's right; up
     """
 
     name: str
@@ -129,16 +133,19 @@ class Datum:
     axes: Floats
 
     def of(self, points: Floats) -> Floats:
-        """Points (..., 3), m, as forward, right and up of the datum."""
+        """Coordinates forward, right and up of points (..., 3), m."""
         return np.einsum("...i,ki->...k", points - self.place, self.axes)
 
 
 @dataclass(frozen=True, eq=False)
 class StandingPart:
-    """A part as it stands on the bench.
+    """A part in the bench's coordinates.
 
-    rectangle : of a flat part; None of others
-    box : (2, 3) m from the datum, of all its vertices
+    rectangle : of a flat part, else None
+    box : (2, 3) m, bounds of its vertices
+    centre : (3,) m
+    tilt : degrees to the horizontal; None if not flat
+    azimuth : degrees of its front from forward to the right; None if not flat, or horizontal
     """
 
     role: Role
@@ -151,12 +158,12 @@ class StandingPart:
 
     @property
     def size(self) -> tuple[float, ...]:
-        """Width and height of a flat part, m; of others length, width and height of the box."""
+        """Width and height of a flat part, or length, width and height of the box, m."""
         return tuple(np.ptp(self.box, axis=0)) if self.rectangle is None else self.rectangle.size
 
 
 def level_axes(viewer: Viewer) -> Floats:
-    """Forward, right and up (3, 3) of a viewer who stands level; up is +z of the world."""
+    """Horizontal forward, horizontal right and up (3, 3) of a viewer; up is world +z."""
     up = np.array([0.0, 0.0, 1.0])
     forward = viewer.axes[2] * (1, 1, 0)
     if np.linalg.norm(forward) < UPRIGHT:  # it looks down: the top of its image is ahead
@@ -166,9 +173,9 @@ def level_axes(viewer: Viewer) -> Floats:
 
 
 def find_datum(rig: Rig, viewer: Viewer) -> Datum:
-    """The middle of the lowest edge of the first plate, or of the display of a rig without one.
+    """The datum: middle of the lowest edge of the first plate, or of the display without plates.
 
-    Of edges that are as low as each other, the one nearest to the viewer.
+    Of equally low edges, the nearest to the viewer counts.
     """
     axes = level_axes(viewer)
     for part in (*rig.plates, rig.display):
@@ -192,7 +199,7 @@ def find_datum(rig: Rig, viewer: Viewer) -> Datum:
 
 
 def standing(rig: Rig, datum: Datum) -> list[StandingPart]:
-    """All parts that have a mesh, in the order of the table of roles."""
+    """All parts with a mesh, in the order of the roles."""
     return [
         _standing(role, part, datum)
         for role, part in rig.parts()
@@ -209,21 +216,21 @@ def _standing(role: Role, part: Any, datum: Datum) -> StandingPart:
 
     forward, right, up = flat.normal @ datum.axes.T
     tilt = np.degrees(np.arccos(min(1.0, abs(up))))
-    # rounded, or straight back would be 180 or -180 by chance
+    # rounded, or straight back would be 180 or -180 at random
     right = np.round(right, 9) + 0.0
     azimuth = np.degrees(np.arctan2(right, forward)) if np.hypot(forward, right) > UPRIGHT else None
     return StandingPart(role, part, flat, box, datum.of(flat.centre), float(tilt), azimuth)
 
 
-# of the bench to paper: the first that fits is taken
+# paper per bench; the largest that fits is used
 SCALES = (5, 2, 1, 1 / 2, 1 / 5, 1 / 10, 1 / 20, 1 / 50, 1 / 100, 1 / 200, 1 / 500, 1 / 1000)
 MM = 1e3
-EXPLAINED = 3  # rows of words below the table
-MOST_TABLE = 0.4  # of the sheet's height: with more parts its letters get smaller
-ROW = 1.6 * TEXT  # mm, of a table
-RULER = 16.0  # mm beside and below a view, for its distances
+EXPLAINED = 3  # lines of text below the table
+MOST_TABLE = 0.4  # of the sheet's height; a table with more parts has smaller letters
+ROW = 1.6 * TEXT  # mm, height of a table row
+RULER = 16.0  # mm, width of a view's rulers
 TITLE = 8.0  # mm
-HEADING = 6.0  # mm above a view, for its name
+HEADING = 6.0  # mm, above a view
 BESIDE = np.array([RULER, RULER + HEADING])
 PENS = {"GLASS": GLASS, "PICTURE": PICTURE}
 COLUMNS = (6.0, 42.0, 16.0, 44.0, 20.0, 20.0, 20.0, 14.0, 18.0, 77.0)  # mm
@@ -243,10 +250,12 @@ HEADINGS = (
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One of the two views: which of forward, right and up go across and up the paper.
+    """A view: projection of the bench onto the sheet.
 
-    origin : (2,) mm, of the datum on the sheet
-    scale : mm of paper for a millimetre of the bench
+    across, up : bench axis across and up the paper; 0 forward, 1 right, 2 up
+    sign : of the axis up the paper
+    origin : (2,) mm, datum on the sheet
+    scale : mm on paper per mm of the bench
     """
 
     name: str
@@ -257,26 +266,26 @@ class View:
     scale: float
 
     def on_paper(self, points: Floats) -> Floats:
-        """Points (..., 3), m from the datum, on the sheet (..., 2), mm."""
+        """Points (..., 3), m in the bench's coordinates, on the sheet (..., 2), mm."""
         x = points[..., self.across]
         y = self.sign * points[..., self.up]
         return self.origin + MM * self.scale * np.stack([x, -y], axis=-1)
 
     def sight(self, datum: Datum) -> Floats:
-        """Where the view is seen along (3,), world."""
+        """The direction of view (3,), world."""
         rest = 3 - self.across - self.up
         return datum.axes[rest]
 
 
 def draw_bench(rig: Rig, viewer: Viewer, paper: Paper = "A4") -> str:
-    """The bench as SVG: side view, plan, and a table of the parts. Lengths in mm.
+    """The bench as SVG: side view, plan view and a table of the parts. Lengths in mm.
 
-    Forward runs to the right in both views. The viewer stands beside the sheet.
+    Forward is to the right in both views. The viewer is outside of the sheet.
 
     Parameters
     ----------
     rig : after `check`
-    paper : lying; the scale is the largest round one at which both views fit
+    paper : landscape; the scale is the largest in SCALES that fits both views
     """
     datum = find_datum(rig, viewer)
     parts = standing(rig, datum)
@@ -311,15 +320,16 @@ def draw_bench(rig: Rig, viewer: Viewer, paper: Paper = "A4") -> str:
 
 
 def letters() -> Iterator[str]:
-    """Names of parts: A to Z, then AA, AB and so on."""
+    """Letters of the parts: A to Z, AA, AB and so on."""
     for n in count(1):
         for some in product(ascii_uppercase, repeat=n):
             yield "".join(some)
 
 
 def _fitted(parts: list[StandingPart], room: Floats) -> tuple[View, View]:
-    """Side view and plan in room (2, 2) of a sheet, mm: the plan is
-    below, or beside where both are larger that way.
+    """Side view and plan view in an area (2, 2) of the sheet, mm: one above the other, or side by
+    side
+    if the scale is larger then.
     """
     boxes = np.stack([part.box for part in parts] + [np.zeros((2, 3))])
     low = MM * boxes[:, 0].min(axis=0)
@@ -328,7 +338,7 @@ def _fitted(parts: list[StandingPart], room: Floats) -> tuple[View, View]:
     below, aside = (_scale(sizes, room[1] - room[0], along) for along in (1, 0))
     along, scale = (0, aside) if aside > below else (1, below)
 
-    # upper left corners of the views; what room is left stands around them alike
+    # upper left corners of the views; spare space is distributed evenly
     each = scale * sizes + BESIDE
     used = each.max(axis=0)
     used[along] = each[:, along].sum()
@@ -344,8 +354,9 @@ def _fitted(parts: list[StandingPart], room: Floats) -> tuple[View, View]:
 
 
 def _scale(sizes: Floats, room: Floats, along: int) -> float:
-    """The largest round scale at which views of sizes (2, 2), mm of the bench, fit
-    into room (2,), mm of paper, one after the other along x (0) or y (1).
+    """The largest scale in SCALES for views of sizes (2, 2), mm of the bench, in an area (2,), mm
+    of
+    paper, arranged along x (0) or y (1).
     """
     need = sizes.max(axis=0)
     need[along] = sizes[:, along].sum()
@@ -357,13 +368,13 @@ def _scale(sizes: Floats, room: Floats, along: int) -> float:
 def _draw_view(
     sheet: PaperSheet, view: View, viewer: Viewer, datum: Datum, parts: Sequence[StandingPart]
 ) -> None:
-    """Draw the parts, their letters, the line of sight, and rulers with the distances."""
+    """Draw the parts with their letters, the line of sight, and rulers."""
     boxes = np.concatenate([view.on_paper(part.box) for part in parts] + [view.origin[None]])
     low = boxes.min(axis=0)
     high = boxes.max(axis=0)
     sheet.text((low[0] - RULER + 3, low[1] - 2), view.name, size=3.2)
 
-    named: dict[tuple[float, float], str] = {}  # of the parts whose middles are in one place
+    named: dict[tuple[float, float], str] = {}  # letters of parts with a common middle
     for letter, part in zip(letters(), parts, strict=False):
         lines = view.on_paper(datum.of(contour(part.part.mesh, view.sight(datum))))
         sheet.lines(lines, PENS.get(part.role.name, PART))
@@ -386,7 +397,7 @@ def _draw_view(
 def _draw_sight(
     sheet: PaperSheet, view: View, viewer: Viewer, datum: Datum, low: Floats, high: Floats
 ) -> None:
-    """The middle line of sight, as far as it runs over the view, from the viewer's side on."""
+    """Draw the central line of sight where it crosses the view."""
     place, way = (x[0] for x in viewer.rays(np.array([[viewer.width / 2, viewer.height / 2]])))
     start = view.on_paper(datum.of(place))
     step = view.on_paper(datum.of(place + way)) - start
@@ -402,13 +413,15 @@ def _draw_sight(
 def _draw_ruler(
     sheet: PaperSheet, view: View, centres: Floats, is_upright: bool, beside: float
 ) -> None:
-    """Distances of centres (n, 3) from the datum, below the view or beside it."""
+    """Draw distances of centres (n, 3) from the datum, on a ruler below or to the left of the
+    view.
+    """
     axis, k = (view.up, 1) if is_upright else (view.across, 0)
     marks = np.concatenate([np.zeros((1, 3)), centres])
     on_paper = view.on_paper(marks)
     values = [decimal(number) for number in MM * marks[:, axis]]
 
-    # equal ones are written once
+    # equal values share a label
     _, first = np.unique(values, return_index=True)
     gap = min(ROW * 0.8, (np.ptp(on_paper[:, k]) + RULER) / len(first))
     size = gap / 1.28
@@ -426,7 +439,7 @@ def _draw_ruler(
 
 
 def _row(letter: str, part: StandingPart) -> tuple[str, ...]:
-    """A part's line in the table."""
+    """A part's row in the table."""
     size = " x ".join(decimal(MM * length) for length in part.size)
     places = (decimal(number) for number in MM * part.centre)
     angles = ("" if x is None else decimal(x) for x in (part.tilt, part.azimuth))
@@ -434,7 +447,7 @@ def _row(letter: str, part: StandingPart) -> tuple[str, ...]:
 
 
 def _make(part: StandingPart) -> str:
-    """What else a builder has to know of a part."""
+    """Further data of a part for its maker."""
     thing = part.part
     if part.role.name == "GLASS":
         return Message("index {n:.4f}", n=thing.ior.at(WAVELENGTH))
@@ -454,7 +467,7 @@ def _make(part: StandingPart) -> str:
 
 
 def _explained(viewer: Viewer, datum: Datum) -> tuple[str, ...]:
-    """The words below the table."""
+    """The text below the table."""
     eye = datum.of(viewer.position)
     forward, right, up = map(decimal, MM * eye)
     return (
@@ -480,16 +493,16 @@ UNNAMED = "Corner 1", "Corner 2", "Corner 3", "Corner 4"
 CORNER_COLUMNS = (42.0, 26.0, 20.0, 20.0, 20.0)  # mm
 CROSS = 2.0 * np.array([[[-1, 0], [1, 0]], [[0, -1], [0, 1]]])  # mm
 SEEN_TITLE = 12.0  # mm
-BETWEEN = 8.0  # mm from the table to the viewer's image
+BETWEEN = 8.0  # mm between the table and the viewer's image
 
 
 def draw_seen(rig: Rig, viewer: Viewer, lattice: Lattice, paper: Paper = "A4") -> str:
-    """As SVG: on the left the corners of all flat parts, mm from the bench's datum; on
-    the right the viewer's image, with the points of the lattice in the picture's place.
+    """The corners of all flat parts in mm from the datum, and the lattice in the viewer's image, as
+    SVG.
 
     Raises
     ------
-    RigError : the picture is no flat rectangle
+    RigError : the picture is not a flat rectangle
     """
     datum = find_datum(rig, viewer)
     sheet = PaperSheet(paper)
@@ -515,7 +528,7 @@ def draw_seen(rig: Rig, viewer: Viewer, lattice: Lattice, paper: Paper = "A4") -
 
 
 def _corner_rows(part: StandingPart, of: Callable[[Floats], Floats]) -> list[tuple[str, ...]]:
-    """Lines of a flat part's corners."""
+    """Table rows of a flat part's corners."""
     if part.rectangle is None:
         return []
     names = (
@@ -530,8 +543,9 @@ def _corner_rows(part: StandingPart, of: Callable[[Floats], Floats]) -> list[tup
 def _draw_image(
     sheet: PaperSheet, viewer: Viewer, lattice: Lattice, points: Floats, room: Floats
 ) -> None:
-    """Draw the viewer's image into room (2, 2), mm, with the points (n, 2), px, and the
-    pixels of the lattice's corners.
+    """Draw the viewer's image in an area (2, 2), mm, with points (n, 2), px, and the pixel
+    coordinates
+    of the lattice's corners.
     """
     size = np.array([viewer.width, viewer.height], float)
     scale = ((room[1] - room[0]) / size).min()
@@ -552,7 +566,6 @@ def _draw_image(
     is_inside = ((points >= 0) & (points <= size)).all(axis=1)
     sheet.dots(on_paper(points[is_inside]), 0.5)
 
-    # the corners' pixels
     corners = grid[[0, 0, -1, -1], [0, -1, -1, 0]]
     for n, (x, y) in enumerate(corners.tolist()):
         across, down = on_paper(np.array([x, y]))

@@ -1,4 +1,4 @@
-"""Drawings as SVG: sheets of paper that print to scale in mm, and diagrams of curves in px."""
+"""SVG drawings: sheets of paper to scale in mm, and diagrams of curves in px."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,14 +13,14 @@ from ...base.arrays import Floats
 
 
 def in_xml(words: str) -> str:
-    """Words with their signs escaped, and a blank for each that XML has no sign for: names in
-    Blender may hold any.
+    """Escaped text, with a blank for each unprintable character: names in Blender may contain
+    any.
     """
     return escape("".join(letter if letter.isprintable() else " " for letter in words))
 
 
 def document(size: tuple[float, float], style: str, parts: Sequence[str], unit: str = "px") -> str:
-    """The file's text: a white page of a size in a unit, with attributes for all of its parts."""
+    """An SVG file with a white background; `style` has attributes for all parts."""
     width, height = (f"{side:g}" for side in size)
     of = "" if unit == "px" else unit
     return "\n".join([
@@ -34,8 +34,8 @@ def document(size: tuple[float, float], style: str, parts: Sequence[str], unit: 
 
 
 Paper = Literal["A4", "A3"]
-SIZES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}  # mm, lying
-MARGIN = 10.0  # mm, which printers leave white
+SIZES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}  # mm, landscape
+MARGIN = 10.0  # mm, not printable
 FONT = "Helvetica, Arial, sans-serif"
 TEXT = 2.8  # mm, height of letters
 
@@ -44,7 +44,7 @@ Anchor = Literal["start", "middle", "end"]
 
 @dataclass(frozen=True)
 class Pen:
-    """How lines are drawn: colour, width in mm, dashes in mm."""
+    """Line style: colour, width in mm, dashes in mm."""
 
     colour: str = "black"
     width: float = 0.25
@@ -60,7 +60,7 @@ SIGHT = Pen("#c8501e", 0.18, "4 1 0.5 1")
 
 @dataclass
 class PaperSheet:
-    """Lines and texts on a sheet, mm from its upper left corner, y down."""
+    """Lines and texts on a sheet, in mm from its upper left corner, y down."""
 
     paper: Paper
     parts: list[str] = field(default_factory=list)
@@ -84,7 +84,7 @@ class PaperSheet:
             )
 
     def dots(self, places: ArrayLike, radius: float) -> None:
-        """Draw discs at places (n, 2)."""
+        """Draw discs at positions (n, 2)."""
         self.parts += [
             f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius}" fill="black"/>'
             for x, y in np.asarray(places, float).tolist()
@@ -93,7 +93,7 @@ class PaperSheet:
     def text(
         self, place: Sequence[float], words: str, anchor: Anchor = "start", size: float = TEXT
     ) -> None:
-        """Write words whose baseline begins, has its middle or ends at a place."""
+        """Write a text with the start, middle or end of its baseline at a position."""
         x, y = place
         self.parts.append(
             f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}">'
@@ -101,7 +101,7 @@ class PaperSheet:
         )
 
     def turned_text(self, place: Sequence[float], words: str, size: float = TEXT) -> None:
-        """Write words that run upward and end below a place."""
+        """Write an upward text that ends at a position."""
         x, y = place
         self.parts.append(
             f'<text transform="translate({x:.2f} {y:.2f}) rotate(-90)" text-anchor="end"'
@@ -115,9 +115,9 @@ class PaperSheet:
         rows: Sequence[Sequence[str]],
         room: float = np.inf,
     ) -> float:
-        """Write rows of cells, the first as a heading; y below the last.
+        """Write rows of cells, the first as a heading; returns y of the end.
 
-        Letters get smaller where the rows would be higher than the room.
+        If the rows are higher than `room`, letters are smaller.
         """
         left, y = place
         starts = left + np.cumsum([0.0, *widths])
@@ -134,23 +134,23 @@ class PaperSheet:
         return y
 
     def svg(self) -> str:
-        """The file's text."""
+        """The SVG file."""
         width, height = self.size
         return document((width, height), f'font-family="{FONT}"', self.parts, "mm")
 
 
 def decimal(number: float) -> str:
-    """A number with one decimal, and no minus at 0."""
+    """A number with one decimal, never -0.0."""
     return f"{round(float(number), 1) + 0.0:.1f}"
 
 
 def spread(places: Sequence[float], gap: float) -> Floats:
-    """Places (n,) of labels, at least a gap apart, in the same order and as near as may be to
-    where they belong: least squares, by merging neighbours that push each other.
+    """Positions (n,) of labels in the same order, at least `gap` apart and as near as possible to
+    `places` in the least-squares sense. Neighbours that push each other are merged into groups.
     """
     order = np.argsort(places, kind="stable")
     wished = np.asarray(places, float)[order] - gap * np.arange(len(order))
-    groups: list[list[float]] = []  # mean and number of each
+    groups: list[list[float]] = []  # mean and size of each
 
     for at in wished:
         groups.append([at, 1])
@@ -173,16 +173,16 @@ LEFT = 90
 RIGHT = 30
 TOP = 56
 BOTTOM = 64
-SHRUNK = 0.6  # of a diagram, on a sheet of several
-MOST_WRITTEN_OUT = 3  # powers of ten up to this, either way, are written out
-LABEL = (48, 11)  # px: nearer than this to another label of its curve, one is left out
-# told apart by colour-blind people as well, with the marks
+SHRUNK = 0.6  # scale of a diagram on a sheet of several
+MOST_WRITTEN_OUT = 3  # largest exponent of ten, positive or negative, written out
+LABEL = (48, 11)  # px; a label nearer to another label of its curve is omitted
+# distinguishable for colour-blind people, and by their marks
 COLOURS = ("#0b6e99", "#c8501e", "#3f7d20", "#7a3f9d")
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Points (x, y), with a label each or none at all; on logarithmic axes x and y are above 0."""
+    """Points (x, y) with optional labels; positive on logarithmic axes."""
 
     name: str
     points: tuple[tuple[float, float], ...]
@@ -191,8 +191,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class Axis:
-    """label: with its unit; ticks: values and how they are
-    written, from the axis's one end to its other.
+    """An axis of a diagram.
+
+    label : with its unit
+    ticks : values and their texts, from one end of the axis to the other
     """
 
     label: str
@@ -200,7 +202,7 @@ class Axis:
     is_log: bool = False
 
     def part(self, value: float) -> float:
-        """How far along the axis a value stands, 0..1."""
+        """Position of a value along the axis, 0..1."""
         first, last, value = (
             log10(x) if self.is_log else x for x in (self.ticks[0][0], self.ticks[-1][0], value)
         )
@@ -212,7 +214,6 @@ def log_log(
 ) -> str:
     """Draw curves on logarithmic axes with ticks at powers of ten.
 
-    title, x_label, y_label : text; the labels name their units
     notes : lines below the title
     """
     x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
@@ -227,7 +228,7 @@ def linear(
     notes: Sequence[str] = (),
     is_rising: bool = False,
 ) -> str:
-    """Draw curves on linear axes from 0 on; parameters are those of `log_log` and `draw`."""
+    """Draw curves on linear axes from 0; parameters as in `log_log` and `draw`."""
     x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
     return draw(title, curves, from_zero(x_label, x), from_zero(y_label, y), notes, is_rising)
 
@@ -240,9 +241,10 @@ def draw(
     notes: Sequence[str] = (),
     is_rising: bool = False,
 ) -> str:
-    """Draw curves; notes are lines below the title.
+    """Draw curves.
 
-    is_rising : the curves' names stand at the upper left, and not at the upper right
+    notes : lines below the title
+    is_rising : puts the legend at the upper left instead of the upper right
     """
     top = TOP + 16 * len(notes)
 
@@ -297,7 +299,7 @@ def draw(
 
 
 def sheet(columns: Sequence[Sequence[str]]) -> str:
-    """One drawing of several diagrams: columns side by side, each from the top down."""
+    """One drawing of several diagrams; a column lists its diagrams from the top."""
     width, height = WIDTH * len(columns), HEIGHT * max(map(len, columns))
     parts = [
         diagram.replace("<svg ", f'<svg x="{x * WIDTH}" y="{y * HEIGHT}" ', 1).rstrip()
@@ -316,20 +318,20 @@ def sheet(columns: Sequence[Sequence[str]]) -> str:
 def points_mm(
     metres: Sequence[float], values: Sequence[float | None]
 ) -> tuple[tuple[float, float], ...]:
-    """Points of a curve over a distance, mm; without those that have no value."""
+    """Points of a curve over a distance, mm, without None values."""
     there = zip(metres, values, strict=True)
     return tuple((1e3 * x, y) for x, y in there if y is not None)
 
 
 def _decades(label: str, values: Sequence[float]) -> Axis:
-    """Powers of ten around all values, at least one decade apart."""
+    """An axis of powers of ten around all values, at least one decade long."""
     low, high = (floor(log10(min(values))), ceil(log10(max(values)))) if values else (0, 1)
     powers = range(low, max(high, low + 1) + 1)
     return Axis(label, tuple((10.0**k, _power(k)) for k in powers), is_log=True)
 
 
 def from_zero(label: str, values: Sequence[float]) -> Axis:
-    """Round numbers from 0 to the largest value, four to ten of them."""
+    """An axis from 0 to a round number above the largest value, with five to eleven ticks."""
     most = max(values, default=1.0) or 1.0
     power = 10.0 ** floor(log10(most))
     step = next(
@@ -370,7 +372,7 @@ def _mark(n: int, x: float, y: float) -> str:
 
 
 def _legend(curves: Sequence[Curve], x: float, top: float, sign: int) -> str:
-    """Names of curves from x on: to the right with a sign of 1, to the left with -1."""
+    """Names of curves from x to the right with a sign of 1, to the left with -1."""
     anchor = "start" if sign > 0 else "end"
     parts = []
     for n, curve in enumerate(curves):
@@ -396,7 +398,7 @@ def text_at(
     fill: str = "black",
     css: str = "",
 ) -> str:
-    """A line of text; x of its start, middle or end, as anchor says, and y of its foot, px."""
+    """A line of text, px; `anchor` says if x is its start, middle or end, and y is its baseline."""
     x, y = at
     kind = f' class="{css}"' if css else ""
     return (

@@ -1,1 +1,1 @@
-"""Jobs for many machines: descriptions that schedulers read, and the join of what workers wrote."""
+"""Farm jobs: descriptions for schedulers, and the join of the workers' results."""

@@ -1,4 +1,4 @@
-"""The extension as a zip, made of its own installed folder, as workers of a farm install it."""
+"""The extension's zip, packed from its installed folder, for the workers of a farm."""
 
 import os
 import tomllib
@@ -11,9 +11,9 @@ from ...base.errors import ImageError
 
 ROOT = Path(__file__).parents[3]
 MANIFEST = "blender_manifest.toml"
-DATE = (1980, 1, 1, 0, 0, 0)  # the first that a zip can have: the same files are the same zip
+DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date in a zip, so the same files give the same zip
 MODE = 0o644
-# RuntimeError: it is encrypted; NotImplementedError: packed in a way that Python does not know
+# RuntimeError: encrypted; NotImplementedError (a RuntimeError): unsupported compression
 UNREADABLE = (BadZipFile, OSError, KeyError, ValueError, EOFError, RuntimeError, zlib.error)
 
 
@@ -23,13 +23,13 @@ def manifest(root: Path = ROOT) -> dict[str, Any]:
 
 
 def files_of(root: Path = ROOT) -> list[str]:
-    """The files of the extension in a folder, by their paths within it: of an installed one all,
-    of a checkout those that are packed.
+    """Relative paths of the extension's files: all of an installed folder, only the packed ones of
+    a
+    checkout.
 
     Raises
     ------
-    ImageError
-        A wheel that the manifest lists is not there.
+    ImageError : a wheel of the manifest is missing
     """
     about = manifest(root)
     build = about.get("build", {})
@@ -58,7 +58,7 @@ def files_of(root: Path = ROOT) -> list[str]:
 
 
 def check_zip(path: Path) -> None:
-    """Raise ImageError where a file is no zip of this Kiriko, which every task would find out."""
+    """Raise ImageError unless a file is a zip of this version; otherwise every task would fail."""
     if not path.is_file():
         raise ImageError("There is no zip '{path}': name one that is there.", path=path)
     about = _about(path)
@@ -78,13 +78,13 @@ def check_zip(path: Path) -> None:
 
 
 def is_of_another_version(path: Path) -> bool:
-    """Is a file a zip of Kiriko, and not of this version?"""
+    """Whether a file is a zip of another version of Kiriko."""
     about = _about(path)
     return about.get("id") == "kiriko" and about.get("version") != manifest()["version"]
 
 
 def _about(path: Path) -> dict[str, Any]:
-    """The manifest in a zip; {} where it has none, or is broken."""
+    """The manifest in a zip; {} if it is missing or the zip is broken."""
     try:
         with ZipFile(path) as archive:
             about = tomllib.loads(archive.read(MANIFEST).decode())

@@ -1,11 +1,10 @@
-"""A job as Open Job Description has it: a template of steps and tasks that any of its schedulers
-runs.
+"""Farm jobs in the Open Job Description format, and the join of their results.
 
-Each task starts Blender with factory settings, which runs Kiriko from the zip in the bundle. All
-paths of a bundle are relative to it, and arguments are a list, so that no shell has to read them.
-The template is JSON, which the specification takes next to YAML and Python writes without help.
+Each task starts Blender with factory settings and runs Kiriko from the zip in the bundle. All
+paths in a bundle are relative, and arguments are a list, so no shell parses them. The template is
+JSON: the specification accepts it as well as YAML, and Python writes it without a library.
 
-Join: the results of all tasks are there, whole and alike; one log of all their logs.
+The join checks that all results exist, complete and of one size, and merges the logs.
 """
 
 import hashlib
@@ -24,20 +23,20 @@ from ...files import disk, image_io
 from ...files.frame_list import frames_of, in_ranges
 
 SPECIFICATION = "jobtemplate-2023-09"
-CHUNKING = "TASK_CHUNKING"  # its extension
+CHUNKING = "TASK_CHUNKING"  # an extension of the specification
 BOOTSTRAP = "kiriko_bootstrap.py"
 FLAMENCO = "kiriko_frames.js"
-KIRIKO = "kiriko"  # the folder in a bundle with the bootstrap and the zips
-OUT = "source"  # the folder in a bundle for the results
-MOST = 1024  # values of a task parameter that the specification allows
-LONGEST_NAME = 128  # letters of a job's name
-LONGEST_TEXT = 1024  # letters of a parameter
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # letters that no job's name has
+KIRIKO = "kiriko"  # the bundle's folder for the bootstrap and the zips
+OUT = "source"  # the bundle's folder for the results
+MOST = 1024  # values of a task parameter, by the specification
+LONGEST_NAME = 128  # characters, by the specification
+LONGEST_TEXT = 1024  # characters of a parameter, by the specification
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # not allowed in a job's name
 
 
 @dataclass(frozen=True)
 class TaskChoice:
-    """A value that tasks differ in, and the folder for the results of each."""
+    """A value of a task parameter, and the folder of its results."""
 
     value: str
     folder: str
@@ -45,17 +44,17 @@ class TaskChoice:
 
 @dataclass(frozen=True)
 class Job:
-    """The tasks that are wanted.
+    """Description of a solve job.
 
-    blend : name of the file in the bundle
+    blend : file name in the bundle
     version : Kiriko's
-    frames : list of them, as core/files/frame_list.py reads it; '' for the scene as it stands
-    chunk : frames for a task
-    viewers : each alone; none: all of the rig at once
-    rigs : those that are solved; none: the one that the file shows
-    path : of a property that takes other values, '' if none does
-    values : these values
-    options : further ones of the verb solve
+    frames : list of frames, as in core/files/frame_list.py; '' for the current frame
+    chunk : frames per task
+    rigs : rigs to solve; empty for the active rig
+    path : property that varies, '' for none
+    values : its values
+    options : further options of the verb solve
+    viewers : viewers solved separately; empty for all together
     """
 
     name: str
@@ -70,7 +69,7 @@ class Job:
     viewers: tuple[TaskChoice, ...] = ()
 
     def check(self) -> None:
-        """Raise RigError where no scheduler would take such a job, or no task could run."""
+        """Raise RigError if no scheduler would accept the job, or no task could run."""
         if not (self.frames or self.rigs or self.viewers or self.values):
             raise RigError("The job has one task only: give it frames, rigs or values.")
         length = len(in_ranges(frames_of(self.frames))) if self.frames else 0
@@ -103,7 +102,7 @@ class Job:
 
     @property
     def template(self) -> dict[str, Any]:
-        """Its template."""
+        """The job template."""
         solve = step("Solve", self.version, _solve(self), space=_space(self))
         join = step("Join", self.version, _join(self), after="Solve")
         extensions = (CHUNKING,) if self.frames else ()
@@ -112,14 +111,14 @@ class Job:
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The folders of the results within that of the job; '.' where there is no choice."""
+        """Result folders within the job's folder; '.' without choices."""
         kinds = (self.rigs, self.viewers, self.values)
         folders = [[one.folder for one in choices] for choices in kinds if choices]
         return tuple("/".join(parts) or "." for parts in product(*folders))
 
 
 def refuse_braces(*texts: str) -> None:
-    """Raise RigError where a text would be read as a parameter."""
+    """Raise RigError if a text would be read as a parameter."""
     for text in texts:
         if "{{" in text:
             raise RigError(
@@ -134,7 +133,7 @@ def whole(
     steps: list[dict[str, Any]],
     extensions: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """A template of parameters and steps."""
+    """A job template."""
     return {
         "specificationVersion": SPECIFICATION,
         **({"extensions": list(extensions)} if extensions else {}),
@@ -151,11 +150,11 @@ def step(
     after: str | None = None,
     space: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """A step whose tasks run a verb of Kiriko's command line, in a Blender with factory settings.
+    """A step whose tasks run a verb of Kiriko's command line in Blender with factory settings.
 
     version : Kiriko's
-    after : the step that it waits for
-    space : the parameters that its tasks differ in; None: it is one task
+    after : name of the preceding step
+    space : task parameters; None for a single task
     """
     start = ("--background", "{{Param.BlendFile}}", "--factory-startup", "--python-exit-code", "1")
     kiriko = ("--python", f"{{{{Param.Kiriko}}}}/{BOOTSTRAP}", "--", "--version", version)
@@ -169,7 +168,7 @@ def step(
 
 
 def parameter_values(template: dict[str, Any]) -> dict[str, Any]:
-    """The values of a template's parameters, relative to the bundle."""
+    """Default values of a template's parameters, relative to the bundle."""
     definitions = template["parameterDefinitions"]
     return {
         "parameterValues": [{"name": one["name"], "value": one["default"]} for one in definitions]
@@ -177,7 +176,7 @@ def parameter_values(template: dict[str, Any]) -> dict[str, Any]:
 
 
 def asset_references(files: list[str]) -> dict[str, Any]:
-    """The files beside the bundle that its .blend reads, for schedulers that copy them."""
+    """The .blend's external files, for schedulers that copy them."""
     return {
         "assetReferences": {
             "inputs": {"filenames": sorted(files), "directories": []},
@@ -188,7 +187,7 @@ def asset_references(files: list[str]) -> dict[str, Any]:
 
 
 def files(blend: str) -> list[dict[str, Any]]:
-    """The parameters that every job has."""
+    """Parameters common to all jobs."""
     return [
         _path("BlendFile", "FILE", "IN", blend, "The scene"),
         _path("Kiriko", "DIRECTORY", "IN", KIRIKO, f"Kiriko's zips and {BOOTSTRAP}"),
@@ -234,7 +233,7 @@ def _path(name: str, kind: str, flow: str, default: str, about: str) -> dict[str
 
 
 def _space(job: Job) -> dict[str, Any]:
-    """The parameters that tasks differ in. A choice and its folder go together."""
+    """The parameter space of the tasks. Each choice is paired with its folder."""
     definitions: list[dict[str, Any]] = []
     factors = []
     for name, choices in (("Rig", job.rigs), ("Viewer", job.viewers), ("Value", job.values)):
@@ -246,7 +245,7 @@ def _space(job: Job) -> dict[str, Any]:
             definitions += [{"name": n, "type": "STRING", "range": values} for n, values in pairs]
             factors.append(f"({name},{name}Folder)")
     if job.frames:
-        # not contiguous: every second frame is a chunk of as many frames, too
+        # CONTIGUOUS would split every second frame into tasks of one frame
         chunks = {"defaultTaskCount": "{{Param.ChunkSize}}", "rangeConstraint": "NONCONTIGUOUS"}
         definitions.append(
             {"name": "Frame", "type": "CHUNK[INT]", "range": "{{Param.Frames}}", "chunks": chunks}
@@ -261,7 +260,7 @@ def _solve(job: Job) -> list[str]:
     folder = ["{{Param.OutDir}}"]
     arguments = ["solve"]
     if job.rigs:
-        arguments.append("--rig={{Task.Param.Rig}}")  # with = a name may begin with a dash
+        arguments.append("--rig={{Task.Param.Rig}}")  # the = allows a name that begins with a dash
         folder.append("{{Task.Param.RigFolder}}")
     if job.viewers:
         arguments.append("--only-viewer={{Task.Param.Viewer}}")
@@ -272,7 +271,7 @@ def _solve(job: Job) -> list[str]:
     if job.frames:
         arguments += ["--frames={{Task.Param.Frame}}", "--log={{Task.Param.Frame}}"]
     else:
-        arguments.append("--overwrite")  # a task that was killed may be run again
+        arguments.append("--overwrite")  # a killed task may run again
     return [*arguments, *job.options, "--out", "/".join(folder)]
 
 
@@ -283,18 +282,18 @@ def _join(job: Job) -> list[str]:
 
 
 SHARES = 10  # tasks
-ROUNDS = 2  # of shares: a grid of the first keeps its tolerance nearly always
+ROUNDS = 2  # of making positions: the first grid nearly always meets its tolerance
 
 
 @dataclass(frozen=True)
 class AtlasJob:
-    """The atlas that is wanted.
+    """Description of an atlas job.
 
-    blend : name of the file in the bundle
+    blend : file name in the bundle
     version : Kiriko's
-    options : of the verb atlas, which say what atlas it is
-    shares : tasks that share the places
-    overwrite : may the plan replace the atlas of another rig or box?
+    options : of the verb atlas, which define the atlas
+    shares : number of tasks for the positions
+    overwrite : whether the plan may replace the atlas of another rig or box
     """
 
     name: str
@@ -305,7 +304,7 @@ class AtlasJob:
     overwrite: bool = False
 
     def check(self) -> None:
-        """Raise RigError where no scheduler would take such a job."""
+        """Raise RigError if no scheduler would accept the job."""
         if not 1 <= self.shares <= MOST:
             raise RigError(
                 "{n} tasks cannot share the places of the head: set 1 to {most}.",
@@ -316,7 +315,7 @@ class AtlasJob:
 
     @property
     def template(self) -> dict[str, Any]:
-        """Its template."""
+        """The job template."""
         share = {"name": "Share", "type": "INT", "range": "1-{{Param.Shares}}"}
         space = {"taskParameterDefinitions": [share]}
         steps = [self._step("Plan", "--plan", *(["--overwrite"] if self.overwrite else []))]
@@ -348,14 +347,14 @@ class AtlasJob:
 
 
 LOG = "frames.jsonl"
-PARTS = "frames.*.jsonl"  # the logs of tasks
-LONGEST = 100  # letters of a task's frames in its log's name: systems take 255 for the whole
-TOLD = 5  # files that a sentence names
+PARTS = "frames.*.jsonl"  # the tasks' logs
+LONGEST = 100  # characters of the frames in a log's name; file systems allow 255 in total
+TOLD = 5  # file names in a message
 
 
 def log_of(part: str) -> str:
-    """The name of a task's log, by the frames that it solves, as every system allows it: of a long
-    list its beginning, and a sum by which it is another than those of other lists.
+    """File name of a task's log, from its frames, valid on every system. A long list is cut, and a
+    hash keeps it unique.
     """
     frames = part.replace(":", "_").replace(",", "+").replace(" ", "")
     if len(frames) > LONGEST:
@@ -365,14 +364,13 @@ def log_of(part: str) -> str:
 
 
 def check(files: Iterable[Path]) -> Generator[float, None, tuple[int, int]]:
-    """See that all images are there, whole and of one size.
+    """Check that all images exist, are complete and have one size.
 
     Yields progress 0..1, returns width and height, px.
 
     Raises
     ------
-    ImageError
-        One is missing, broken, or of another size than the first.
+    ImageError : an image is missing, broken, or differs in size from the first
     """
     files = list(files)
     missing = [path.name for path in files if not disk.is_there(path) or not path.stat().st_size]
@@ -390,7 +388,7 @@ def check(files: Iterable[Path]) -> Generator[float, None, tuple[int, int]]:
     size = None
     for k, path in enumerate(files):
         yield k / len(files)
-        pixels, _ = image_io.read(path)  # all of it: the end of a file may be missing
+        pixels, _ = image_io.read(path)  # read completely, because the file's end may be missing
         height, width = pixels.shape[:2]
         size = size or (width, height)
         if (width, height) != size:
@@ -407,10 +405,10 @@ def check(files: Iterable[Path]) -> Generator[float, None, tuple[int, int]]:
 
 
 def join_logs(folder: Path) -> int:
-    """Put the logs of tasks into one, with a line for each frame in its order: that of the run
-    that wrote it, where a task was run again. The number of lines.
+    """Merge the tasks' logs into one, a line per frame in order. Returns the number of lines.
 
-    Lines that were cut, as of a task that was killed, are left out.
+    If a task ran more than once, the successful run counts. Truncated lines of killed tasks are
+    omitted.
     """
     by_frame: dict[int, dict[str, Any]] = {}
     for about in logged(folder):
@@ -426,7 +424,7 @@ def join_logs(folder: Path) -> int:
 
 
 def logged(folder: Path) -> list[dict[str, Any]]:
-    """The lines of all logs of frames in a folder, the newest of each log last."""
+    """All log lines in a folder, newest last within each log."""
     found = []
     for path in (folder / LOG, *sorted(folder.glob(PARTS))):
         text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
@@ -438,7 +436,7 @@ def logged(folder: Path) -> list[dict[str, Any]]:
 
 
 def join_report(n: int, size: tuple[int, int], folder: Path) -> Message:
-    """The result in a sentence."""
+    """The result of the join as a message."""
     return Message(
         "all {n} images in '{folder}' are whole, each of {width} x {height} pixels",
         n=n,

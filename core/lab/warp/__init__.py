@@ -1,1 +1,1 @@
-"""Maps that other programs read."""
+"""Warp maps for other programs."""

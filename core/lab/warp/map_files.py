@@ -1,4 +1,4 @@
-"""Files of warp maps: the wanted ones, the maps of a channel, and their formats."""
+"""Warp map files: options, the maps of a channel, and file formats."""
 
 import json
 import re
@@ -44,15 +44,15 @@ FORMATS = {
 }
 TIMES = (1, 2, 4)
 MOST_OVERSCAN = 100.0
-# m, red, green and blue: dominant wavelengths of the primaries of ITU-R BT.709, as of sRGB
+# m, red, green and blue: dominant wavelengths of the primaries of ITU-R BT.709 and sRGB
 PRIMARIES = (611e-9, 549e-9, 464e-9)
-BYTES = 600  # of a point of a map, at the peak: measured where each is seen ten times
-NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
+BYTES = 600  # per point of a map at the memory peak, measured with ten candidates per point
+NOTHING = 65535  # marks an empty pixel in a .pgm: beyond every image, so ffmpeg fills it
 
 
 def wavelengths_for(rig: Rig, wavelength: float) -> tuple[float, ...]:
-    """The wavelengths, m, that a rig needs maps for: where its glass disperses, those of a
-    display's colours, else the one that it is solved for.
+    """Wavelengths of a rig's maps, m: the display's primaries if the glass disperses, else the
+    wavelength of the solve.
     """
     disperses = any(len({glass.ior.at(one) for one in PRIMARIES}) > 1 for glass in rig.glasses)
     return PRIMARIES if disperses else (wavelength,)
@@ -60,12 +60,12 @@ def wavelengths_for(rig: Rig, wavelength: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class MapOptions:
-    """Which files are wanted.
+    """Options of the map export.
 
     formats : keys of FORMATS
-    overscan : per cent by which the picture's image is larger than the picture at each side
+    overscan : per cent, enlargement of the picture at each side
     times : size of the maps for ffmpeg, in display pixels
-    mesh_step : display px, about, between the nodes of meshes; the display's size at most
+    mesh_step : display px, approximate distance of mesh nodes; at most the display's size
     """
 
     formats: tuple[str, ...] = ("EXR",)
@@ -74,7 +74,7 @@ class MapOptions:
     mesh_step: float = 8.0
 
     def check(self) -> None:
-        """Raise RigError when nothing is wanted, or something that cannot be."""
+        """Raise RigError if the options are invalid."""
         if not self.formats:
             raise RigError("No format is chosen for the maps: choose one or more.")
         if not 0 <= self.overscan <= MOST_OVERSCAN:
@@ -95,7 +95,7 @@ class MapOptions:
             )
 
     def check_for(self, place: PicturePlace) -> None:
-        """Raise RigError when a format has no room for the pixels of a picture."""
+        """Raise RigError if a picture is too large for a format."""
         if "FFMPEG" in self.formats and self.times * max(place.width, place.height) > NOTHING:
             raise RigError(
                 "The picture '{picture}' has {width} x {height} pixels, and the maps for ffmpeg,"
@@ -109,14 +109,14 @@ class MapOptions:
 
 
 def memory_needed(display_size: tuple[int, int], options: MapOptions) -> float:
-    """Bytes that the maps of a viewer take at their peak, about."""
+    """Approximate peak memory of a viewer's maps, bytes."""
     width, height = display_size
     larger = options.times**2 if "FFMPEG" in options.formats and options.times > 1 else 0
     return BYTES * width * height * (1 + larger)
 
 
 def check_memory(rig: Rig, options: MapOptions) -> None:
-    """Raise RigError when the maps of a viewer would take more memory than is free."""
+    """Raise RigError if the maps of a viewer need more memory than is free."""
     display = rig.display
     remedy = Message(
         "lower the resolution of the display '{display}' ({width} x {height})",
@@ -132,10 +132,11 @@ def check_memory(rig: Rig, options: MapOptions) -> None:
 
 @dataclass(frozen=True, eq=False)
 class ChannelMaps:
-    """The maps of a channel; None for those that no file is wanted of.
+    """The maps of a channel; None if no requested file needs them.
 
-    warp : from the display's pixels; larger : from parts of these, `times` a side
-    view : from the viewer's pixels
+    warp : from display pixels
+    view : from viewer pixels
+    larger : from display pixels, each divided into `times` x `times`
     """
 
     warp: STMap
@@ -146,13 +147,13 @@ class ChannelMaps:
 
 
 def maps_of(channel: Channel, options: MapOptions) -> Generator[float, None, ChannelMaps]:
-    """The maps of a channel for the formats that are wanted; yields progress 0..1."""
+    """The maps of a channel for the requested formats. Yields progress 0..1."""
     forms = set(options.formats)
     width, height = channel.view_map.display_size
     n_view = channel.viewer.width * channel.viewer.height
     grid = mesh_grid((width, height), options.mesh_step)
 
-    # about as many rays as each part has points
+    # progress is about proportional to the number of rays
     parts = {
         "warp": width * height,
         "view": n_view if "EXR" in forms else 0,
@@ -187,7 +188,7 @@ def maps_of(channel: Channel, options: MapOptions) -> Generator[float, None, Cha
 def description(
     channel: Channel, maps: ChannelMaps, names: dict[str, tuple[str, ...]]
 ) -> dict[str, Any]:
-    """Of a channel's maps, as plain data for a file beside them."""
+    """Description of a channel's maps as plain data, for the sidecar file."""
     warp = maps.warp
     coverage = channel.coverage.of_display
     found = {
@@ -223,12 +224,13 @@ def description(
 
 
 COLOURS = "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv"
-FAR = -64.0  # px: so far beside the picture no filter of OpenCV reads any of it
+FAR = -64.0  # px; far enough outside that OpenCV's filters read no part of the picture
 
 
 def pixels_of(stmap: STMap) -> Floats:
-    """Places (h, w, 2) as pixels of the other image, x right and y down, whole numbers at their
-    middles; NaN where nothing is shown.
+    """Positions (h, w, 2) as pixels of the other image, x right and y down, integers at pixel
+    middles;
+    NaN for empty pixels.
     """
     width, height = stmap.to_size
     xy = stmap.st * [width, -height] + [-0.5, height - 0.5]
@@ -236,10 +238,10 @@ def pixels_of(stmap: STMap) -> Floats:
 
 
 def write_pgm(folder: Path, names: tuple[str, str], stmap: STMap, times: int) -> None:
-    """Write the maps of ffmpeg's remap filter: which column, and which row, of the picture made
-    `times` as large each pixel shows.
+    """Write the maps of ffmpeg's remap filter: column and row in the picture enlarged `times`
+    times.
 
-    stmap : with each display pixel cut into `times` a side
+    stmap : with each display pixel divided into `times` x `times`
     """
     size = np.array(stmap.to_size) * times
     with np.errstate(invalid="ignore"):
@@ -255,11 +257,11 @@ def write_pgm(folder: Path, names: tuple[str, str], stmap: STMap, times: int) ->
 def ffmpeg_command(
     names: tuple[str, str], display_size: tuple[int, int], picture_size: tuple[int, int], times: int
 ) -> str:
-    """The command that warps a picture, or a film, by the maps.
+    """The ffmpeg command to warp a picture or a film.
 
-    The picture is made larger first and the image smaller at last: the filter between them reads
-    the nearest pixel. The end is a pixel format that players take, told as Rec.709, which they
-    would guess; 4:2:0 wants even sizes.
+    remap reads the nearest pixel, so the picture is enlarged before it and the result reduced after
+    it. The output has a pixel format that players support, tagged as Rec.709, or they would guess;
+    4:2:0 needs even sizes.
     """
     width, height = display_size
     larger = "x".join(str(n * times) for n in picture_size)
@@ -278,8 +280,8 @@ def ffmpeg_command(
 
 
 def write_npz(path: Path, stmap: STMap) -> None:
-    """Write the maps of OpenCV's remap: map_x, map_y (h, w) float32 px, whole numbers at the
-    middles of pixels; coverage (h, w) float32, and the sizes.
+    """Write the maps of OpenCV's remap: map_x, map_y (h, w) float32 px, integers at pixel middles;
+    coverage (h, w) float32, and the picture's size.
     """
     xy = np.nan_to_num(pixels_of(stmap), nan=FAR).astype(np.float32)
     file = BytesIO()
@@ -293,9 +295,9 @@ def write_npz(path: Path, stmap: STMap) -> None:
     disk.write_bytes(path, file.getvalue())
 
 
-# outside of every image, so that programs show nothing there
+# outside of every image, so programs show nothing there
 NOWHERE = -1.0
-# Blender takes a file with dots in the names of channels for one of render layers, without a size
+# a dot in a channel name would make Blender read the file as render layers, without a size
 CHANNELS = (
     "R",
     "G",
@@ -304,15 +306,15 @@ CHANNELS = (
     "multiplicity",
     *(f"jacobian_{of}" for of in ("xx", "xy", "yx", "yy")),
 )
-TOP = 65535  # the largest number of 16 bits
+TOP = 65535  # 16 bits
 
 
 def write_exr(path: Path, stmap: STMap, about: str) -> None:
-    """Write a map as 32-bit OpenEXR: R = s, G = t, B = coverage, A = 1, and more channels.
+    """Write a map as 32-bit OpenEXR: R = s, G = t, B = coverage, A = 1, and further channels.
 
     Raises
     ------
-    ImageError : it cannot be written, or there is no OpenImageIO
+    ImageError : the file cannot be written, or OpenImageIO is missing
     """
     oiio = image_io.openimageio()
     width, height = stmap.size
@@ -334,8 +336,8 @@ def write_exr(path: Path, stmap: STMap, about: str) -> None:
 
 
 def write_png(path: Path, stmap: STMap, about: str) -> None:
-    """Write a map as 16-bit PNG: R = s, G = t, B = coverage, each times 65535; 0 where there
-    is nothing.
+    """Write a map as 16-bit PNG: R = s, G = t, B = coverage, each times 65535; 0 for empty
+    pixels.
     """
     there = stmap.is_there[..., None]
     values = np.concatenate([stmap.st, stmap.coverage[..., None]], axis=2)
@@ -375,7 +377,7 @@ CONVENTION = (
 
 
 def names_of(suffix: str, options: MapOptions) -> dict[str, tuple[str, ...]]:
-    """The files of each format that is wanted, for a channel."""
+    """File names of a channel by requested format."""
     return {
         form: tuple(f"{Path(name).stem}{suffix}{Path(name).suffix}" for name in names)
         for form, names in FORMATS.items()
@@ -384,12 +386,13 @@ def names_of(suffix: str, options: MapOptions) -> dict[str, tuple[str, ...]]:
 
 
 def suffixes(seen_by: Sequence[tuple[str, float]]) -> list[str]:
-    """What is added to the names of files for each channel, by its viewer's name and wavelength,
-    m; nothing where there is one channel alone.
+    """Suffixes of file names, one for each channel's viewer name and wavelength, m; empty for a
+    single
+    channel.
     """
     has_viewers, has_wavelengths = (len(set(them)) > 1 for them in zip(*seen_by, strict=True))
     found: list[str] = []
-    taken: set[str] = set()  # disks may not tell capitals from small letters
+    taken: set[str] = set()  # casefolded: file systems may ignore case
 
     for viewer, wavelength in seen_by:
         base = "_" + re.sub(r"[^\w-]+", "_", viewer) if has_viewers else ""
@@ -405,9 +408,9 @@ def suffixes(seen_by: Sequence[tuple[str, float]]) -> list[str]:
 
 
 def earlier_files(folder: Path) -> set[str]:
-    """The files of maps that a folder's maps.json tells of; none where it is no such file.
+    """Map files listed in a folder's maps.json; empty if it is missing or malformed.
 
-    Only names that a map can have: nothing else is ever taken for one.
+    Only valid names of maps are returned, so no other file is ever removed.
     """
     try:
         told = json.loads((folder / SIDECAR).read_text(encoding="utf-8"))
@@ -423,7 +426,7 @@ def earlier_files(folder: Path) -> set[str]:
 
 
 def _is_of(form: str, name: str) -> bool:
-    """Can a file of this name hold a map of a format?"""
+    """Whether a map of this format can have this file name."""
     return any(
         re.fullmatch(rf"{Path(plain).stem}(_[\w-]+)?{re.escape(Path(plain).suffix)}", name)
         for plain in FORMATS.get(form, ())
@@ -431,13 +434,13 @@ def _is_of(form: str, name: str) -> bool:
 
 
 def remove_earlier(folder: Path, earlier: set[str], names: Iterable[str]) -> None:
-    """Remove files of earlier maps, but those of these names, which have been written anew.
+    """Remove files of earlier maps, except the newly written `names`.
 
     Raises
     ------
-    ImageError : one cannot be removed
+    ImageError : a file cannot be removed
     """
-    kept = {name.casefold() for name in names}  # disks may not tell capitals from small letters
+    kept = {name.casefold() for name in names}  # file systems may ignore case
     for name in sorted(earlier):
         path = folder / name
         if name.casefold() in kept or not path.is_file():
@@ -458,13 +461,14 @@ def write_maps(
     maps: ChannelMaps,
     about: str,
 ) -> None:
-    """Write the files of a channel, by their names, to a new folder.
+    """Write the files of a channel to a new folder.
 
-    about : a line on them, kept in the files that have room for it
+    names : file names by format
+    about : one line, stored in formats with room for a comment
 
     Raises
     ------
-    ImageError : one cannot be written
+    ImageError : a file cannot be written
     """
     for form, of_form in names.items():
         paths = [folder / name for name in of_form]

@@ -1,7 +1,7 @@
-"""STMaps: for each pixel of one image the place in another that it shows; also as a mesh.
+"""STMaps, images of positions in another image, and the same maps as meshes.
 
-A place is (s, t): 0..1 from the left and from the bottom, so that the middle of pixel i of W is at
-(i + 0.5) / W. That is the convention of Nuke's STMap and of Blender's Map UV.
+A position (s, t) is 0..1 from the left and from the bottom, so the middle of pixel i of W is at
+(i + 0.5) / W, as in Nuke's STMap and Blender's Map UV.
 """
 
 from collections.abc import Generator
@@ -24,20 +24,21 @@ from ...rig.viewer import Viewer
 from ...solve.channel import Channel
 from .view_from_display import Grid, ViewPlaces, derivative, middles, nodes, view_from_display
 
-STEP_PX = 0.01  # viewer px, over which the straight way to the picture is differentiated
+STEP_PX = 0.01  # viewer px, step of the finite differences
 
 
 @dataclass(frozen=True, eq=False)
 class STMap:
-    """An image whose pixels are places in another, its row 0 at the top.
+    """An image whose pixels are positions in another image; row 0 is at the top.
 
     to_size : (width, height) of the other image, px
-    st : (h, w, 2) places, NaN where there is none
-    coverage : (h, w) 0..1, how much of each pixel shows anything of the other image; 0 where
-        its place is beside that, or beside the plane that has it
-    multiplicity : (h, w) at how many places of the viewer's image the display's pixel is seen
-    jacobian : (h, w, 2, 2) px of the other image per px of this, x right and y down in both; 0
-        where it is not known
+    st : (h, w, 2) positions, NaN if unknown
+    coverage : (h, w) 0..1, fraction of each pixel that shows the other image; 0 outside the image
+        or its plane
+    multiplicity : (h, w) number of positions in the viewer's image where the display's pixel is
+        seen
+    jacobian : (h, w, 2, 2) px of the other image per px of this one, x right and y down in both; 0
+        if unknown
     """
 
     to_size: tuple[int, int]
@@ -48,20 +49,20 @@ class STMap:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Its own width and height, px."""
+        """Width and height, px."""
         return self.st.shape[1], self.st.shape[0]
 
     @property
     def is_there(self) -> Bools:
-        """Which pixels (h, w) show a place on the other image?"""
+        """Pixels (h, w) with a position in the other image."""
         return self.coverage > 0
 
     def with_overscan(self, percent: float) -> "STMap":
-        """The same map into an image that is larger by so many per cent at each side."""
+        """The same map into an image enlarged by `percent` at each side."""
         if not percent:
             return self
         more = percent / 100
-        # the pixels of the other image are as many, hence larger
+        # the other image keeps its number of pixels, so they grow
         return replace(
             self,
             st=(self.st + more) / (1 + 2 * more),
@@ -75,11 +76,11 @@ def warp_map(
     overscan: float = 0.0,
     strongest: NDArray[np.uint64] | None = None,
 ) -> Generator[float, None, STMap]:
-    """Display pixels to picture coordinates, each pixel cut into `times` a side; yields
-    progress 0..1.
+    """Map display pixels to the picture, with `times` x `times` samples per pixel. Yields progress
+    0..1.
 
-    overscan : per cent, by which the picture is larger at each side
-    strongest : as by `paths_shown`, if it is known
+    overscan : per cent, enlargement of the picture at each side
+    strongest : result of `paths_shown`, computed if None
     """
     plan, view_map = channel.plan, channel.view_map
     grid = middles(view_map.display_size, times)
@@ -97,7 +98,7 @@ def of_places(
     coverage: Floats,
     overscan: float = 0.0,
 ) -> STMap:
-    """The map to a picture, by the places that show the points of a grid."""
+    """The map to a picture from the viewer px of a grid's points."""
     st = np.full((len(grid), 2), np.nan)
     by_view = np.zeros((len(grid), 2, 2))
     seen = np.flatnonzero(np.isfinite(places.view[:, 0]))
@@ -116,9 +117,9 @@ def of_places(
 
 
 def view_stmap(channel: Channel, warp: STMap) -> Generator[float, None, STMap]:
-    """Viewer pixels to display coordinates; yields progress 0..1.
+    """Map viewer pixels to the display. Yields progress 0..1.
 
-    warp : of the same channel, from the display's pixels; it knows their multiplicity
+    warp : the same channel's map from display pixels, the source of the multiplicity
     """
     width, height = channel.view_map.view_size
     size = channel.view_map.display_size
@@ -151,7 +152,7 @@ def view_stmap(channel: Channel, warp: STMap) -> Generator[float, None, STMap]:
 
 
 def _told(work: Steps[Result], n_rays: int, start: float) -> Generator[float, None, Result]:
-    """Tell the progress of work that yields numbers of rays."""
+    """Run work that yields numbers of rays; yields progress from `start`."""
     n = 0
     while True:
         try:
@@ -162,8 +163,8 @@ def _told(work: Steps[Result], n_rays: int, start: float) -> Generator[float, No
 
 
 def _picture_places(place: PicturePlace, viewer: Viewer, view: Floats) -> tuple[Floats, Floats]:
-    """Places (n, 2) in the picture, as (s, t), of viewer px (n, 2), and picture px per viewer px
-    (n, 2, 2), y down.
+    """Picture positions (n, 2) as (s, t) from viewer px (n, 2), and picture px per viewer px (n, 2,
+    2), y down.
     """
     st = _picture_st(place, viewer, view)
     by_view = np.empty((len(view), 2, 2))
@@ -179,8 +180,9 @@ def _picture_places(place: PicturePlace, viewer: Viewer, view: Floats) -> tuple[
 
 
 def _picture_st(place: PicturePlace, viewer: Viewer, view: Floats) -> Floats:
-    """Places (n, 2) in a picture, as (s, t), of viewer px (n, 2); beyond its borders, too, where
-    it is a flat rectangle.
+    """Picture positions (n, 2) as (s, t) from viewer px (n, 2); a flat rectangle continues beyond
+    its
+    borders.
     """
     way = flat_mapping(place, viewer)
     if way is None:
@@ -195,13 +197,15 @@ def _picture_st(place: PicturePlace, viewer: Viewer, view: Floats) -> Floats:
 
 
 def _st_of(xy: Floats, size: tuple[int, int]) -> Floats:
-    """(s, t) of px (n, 2) of an image of a size."""
+    """(s, t) from px (n, 2) of an image."""
     return np.stack([xy[:, 0] / size[0], 1 - xy[:, 1] / size[1]], axis=1)
 
 
 def _is_on(place: PicturePlace, viewer: Viewer, st: Floats, overscan: float) -> Bools:
-    """Which places (n, 2) are on the picture, as a source image has it? Its plane may have a part
-    of its image, or more than that; by overscan, per cent of the image, it reaches further.
+    """Positions (n, 2) on the picture as a source image shows it.
+
+    A plane may show a part of its image or continue beyond it; overscan, per cent of the image,
+    extends it further.
     """
     way = flat_mapping(place, viewer)
     if way is None:
@@ -211,8 +215,9 @@ def _is_on(place: PicturePlace, viewer: Viewer, st: Floats, overscan: float) -> 
 
 
 def _extended(stmap: STMap) -> STMap:
-    """A map whose places beyond the other image are the middles of its outermost pixels: there a
-    source image shows their colours, and many programs show nothing.
+    """The map with positions beyond the other image clamped to the middles of its outermost pixels.
+    A
+    source image shows their colours there, but many programs would show nothing.
     """
     is_beyond = stmap.is_there[..., None] & ((stmap.st < 0) | (stmap.st > 1))
     edge = 0.5 / np.array(stmap.to_size)
@@ -223,17 +228,17 @@ def _extended(stmap: STMap) -> STMap:
     )
 
 
-QUAD_CORNERS = (0, 0), (0, 1), (1, 1), (1, 0)  # rows and columns, with the clock
+QUAD_CORNERS = (0, 0), (0, 1), (1, 1), (1, 0)  # row and column, clockwise
 
 
 @dataclass(frozen=True, eq=False)
 class WarpMesh:
-    """Nodes in rows and columns over a display, the finest there are, row 0 at the top.
+    """Fine nodes in rows and columns over a display, row 0 at the top.
 
     display_size : (width, height) px
-    finer : cells along a large one, where it is cut
-    stmap : at the nodes, (finer n + 1, finer m + 1) of them for n x m large cells
-    path : (h, w) uint64, on which each is seen; NO_PATH where it is no node
+    finer : fine cells along a large cell
+    stmap : at the nodes, (finer n + 1, finer m + 1) for n x m large cells
+    path : (h, w) uint64, NO_PATH for unused nodes
     """
 
     display_size: tuple[int, int]
@@ -242,7 +247,7 @@ class WarpMesh:
     path: np.ndarray
 
     def is_cell(self, step: int) -> Bools:
-        """Which cells (n, m), `step` nodes wide, have four corners on one path?"""
+        """Cells (n, m), `step` nodes wide, with four corners on one path."""
         path = self.path[::step, ::step]
         corners = path[:-1, :-1], path[:-1, 1:], path[1:, 1:], path[1:, :-1]
         is_same = np.logical_and.reduce([corner == corners[0] for corner in corners])
@@ -250,9 +255,7 @@ class WarpMesh:
 
     @property
     def places(self) -> Floats:
-        """The nodes (h, w, 2) on the display's plane, x right and y up: y is 1 at its upper edge,
-        -1 at its lower one, and x as much as its shape says.
-        """
+        """Nodes (h, w, 2) on the display's plane: x right, -aspect..aspect, and y up, -1..1."""
         height, width = self.path.shape
         aspect = self.display_size[0] / self.display_size[1]
         x = np.linspace(-aspect, aspect, width)
@@ -261,7 +264,7 @@ class WarpMesh:
 
 
 def mesh_grid(display_size: tuple[int, int], step: float) -> Grid:
-    """The finest nodes of a mesh, the large cells of which are about `step` px wide."""
+    """Fine nodes of a mesh with large cells about `step` px wide."""
     large = nodes(display_size, step)
     finer = _finer(large)
     x, y = large.step
@@ -274,8 +277,9 @@ def mesh_grid(display_size: tuple[int, int], step: float) -> Grid:
 
 
 def _finer(large: Grid) -> int:
-    """Into how many cells of about a pixel a large one is cut along its side: never into more than
-    it has pixels, about, however large a step was asked for.
+    """Number of fine cells, each about a pixel wide, along a large cell. It is limited by the size
+    of
+    the large cell, not by the requested step.
     """
     x, y = large.step
     return max(1, round((x * y) ** 0.5))
@@ -284,7 +288,7 @@ def _finer(large: Grid) -> int:
 def mesh_of(
     display_size: tuple[int, int], step: float, stmap: STMap, places: ViewPlaces
 ) -> WarpMesh:
-    """The mesh of a map at the nodes of its grid, by the places that show them."""
+    """The mesh of a map at the nodes of its grid."""
     path = places.path.reshape(stmap.size[::-1])
     is_node = (places.multiplicity > 0).reshape(path.shape) & stmap.is_there
     finer = _finer(nodes(display_size, step))
@@ -292,8 +296,8 @@ def mesh_of(
 
 
 def quads_of(mesh: WarpMesh) -> Ints:
-    """Corners (n, 4) of the cells, by their numbers among the finest nodes, row by row; they run
-    with the clock as they are seen, upper left first.
+    """Corners (n, 4) of the cells, as row-major numbers of fine nodes, clockwise from the upper
+    left.
     """
     whole = mesh.is_cell(mesh.finer)
     large = _corners(np.argwhere(whole) * mesh.finer, mesh.finer, mesh.path.shape[1])
@@ -302,12 +306,14 @@ def quads_of(mesh: WarpMesh) -> Ints:
 
 
 def mesh_error(mesh: WarpMesh) -> dict[str, float]:
-    """How far the large cells are off at the finest nodes within them, picture px: rms, largest."""
+    """Interpolation error of the large cells at the fine nodes within them, picture px: rms,
+    largest.
+    """
     whole = mesh.is_cell(mesh.finer)
     if not whole.any():
         return {"rms": 0.0, "largest": 0.0}
 
-    # both triangles of a cell meet along the diagonal from its upper left corner
+    # a cell's two triangles meet along the diagonal from its upper left corner
     fine = np.arange(mesh.finer)
     y, x = fine[:, None] / mesh.finer, fine / mesh.finer
     row, column = np.nonzero(whole)
@@ -329,12 +335,12 @@ def mesh_error(mesh: WarpMesh) -> dict[str, float]:
 
 
 def write_obj(path: Path, mesh: WarpMesh, about: str) -> None:
-    """Write a mesh as OBJ."""
+    """Write a mesh as Wavefront OBJ; `about` becomes its comment."""
     quads = quads_of(mesh)
     used, number = np.unique(quads, return_inverse=True)
     places = mesh.places.reshape(-1, 2)[used]
     st = mesh.stmap.st.reshape(-1, 2)[used]
-    # seen from the front, faces run against the clock
+    # OBJ faces are counterclockwise from the front
     faces = number.reshape(-1, 4)[:, ::-1] + 1
 
     lines = [f"# {line}" for line in about.splitlines()]
@@ -346,7 +352,9 @@ def write_obj(path: Path, mesh: WarpMesh, about: str) -> None:
 
 
 def write_data(path: Path, mesh: WarpMesh) -> None:
-    """Write a mesh as Paul Bourke's .data: planar, rows from below, x y u v i a node."""
+    """Write a mesh in Paul Bourke's .data format: planar, rows from the bottom, x y u v i per
+    node.
+    """
     is_kept = _kept_nodes(mesh)[::-1]
     step = np.s_[:: -mesh.finer, :: mesh.finer]
     st = mesh.stmap.st[step]
@@ -361,15 +369,16 @@ def write_data(path: Path, mesh: WarpMesh) -> None:
 
 
 def _kept_nodes(mesh: WarpMesh) -> Bools:
-    """Which nodes (h, w) of the large cells are drawn: a program draws each cell all of whose
-    corners are, so of a cell that has several paths only one keeps its nodes.
+    """Nodes (h, w) of the large cells to draw. Programs draw a cell if all its corners are drawn,
+    so
+    in a cell with several paths only the nodes of one path remain.
     """
     path = mesh.path[:: mesh.finer, :: mesh.finer]
     kept = path != NO_PATH
     corners = [np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, 1:], np.s_[1:, :-1]]
     of_cell = np.stack([path[corner] for corner in corners])
 
-    # the path that most corners have, of equal ones that with the larger number
+    # the most frequent path of the corners; a tie goes to the larger number
     votes = (of_cell[:, None] == of_cell[None]).sum(axis=1) * (of_cell != NO_PATH)
     most = np.where(votes == votes.max(axis=0), of_cell, 0).max(axis=0)
     for corner, of_corner in zip(corners, of_cell, strict=True):
@@ -379,8 +388,9 @@ def _kept_nodes(mesh: WarpMesh) -> Bools:
 
 
 def _corners(place: Ints, step: int, columns: int) -> Ints:
-    """Numbers (n, 4) of the corners of cells, `step` nodes wide, from nodes at rows and
-    columns (n, 2).
+    """Node numbers (n, 4) of the corners of cells, `step` nodes wide, from the row and column (n,
+    2)
+    of the upper left node.
     """
     first = place[:, 0] * columns + place[:, 1]
     return first[:, None] + np.array([0, step, step * columns + step, step * columns])

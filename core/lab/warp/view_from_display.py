@@ -1,14 +1,14 @@
-"""The view map the other way: at which places of the viewer's image is a point of the display seen?
+"""The inverse view map: the viewer px that show each point of the display.
 
-A point may be seen at several places, on as many sheets of the map. One of them counts: that on
-the path that most of the display pixel is seen by, and of several on this path the one that shows
-it largest. A source image that settles ghosts by the strongest path shows the same.
+A point may be seen at several positions, on several sheets of the map. The path that shows most of
+the display pixel counts, and on it the position with the largest image of the point. A source
+image that resolves ghosts by the strongest path shows the same.
 
-Where the middle of a pixel is seen on no such path, but a part of the pixel is, the place is the
-middle of that part's largest share. So no pixel at a border is lost.
+If a pixel's middle is not seen on this path but another part of the pixel is, the position is the
+middle of the part's largest share. No border pixel is lost.
 
-Candidates are the triangles of the map's pieces that hold a point, a quad counting as two. A point
-on an edge may be found in both triangles next to it.
+Candidates are the triangles of the map's pieces around a point; a quad is two triangles. A point
+on an edge may be found in both triangles.
 """
 
 from collections.abc import Generator, Iterator
@@ -33,10 +33,10 @@ from ...solve.channel import shares_of
 
 @dataclass(frozen=True)
 class Grid:
-    """Points in rows and columns, row by row from the upper left.
+    """Points in rows and columns, numbered row by row from the upper left.
 
-    first, step : (x, y) display px, of the first point, and from one to the next
-    columns, rows : how many there are
+    first : (x, y) display px, of the first point
+    step : (x, y) display px, from one point to the next
     """
 
     first: tuple[float, float]
@@ -48,22 +48,24 @@ class Grid:
         return self.columns * self.rows
 
     def at(self, number: Ints) -> Floats:
-        """Points (n, 2), display px, by their numbers (n,)."""
+        """Points (n, 2), display px, from their numbers (n,)."""
         place = np.stack([number % self.columns, number // self.columns], axis=1)
         return np.array(self.first) + place * np.array(self.step)
 
     def bands(self, n_points: int) -> Iterator[range]:
-        """The rows in runs of about `n_points` points each."""
+        """Ranges of rows, about `n_points` points each."""
         n_rows = max(1, n_points // self.columns)
         for row in range(0, self.rows, n_rows):
             yield range(row, min(row + n_rows, self.rows))
 
     def steps_to(self, xy: Floats) -> Floats:
-        """Columns and rows (..., 2), with their fractions, of display px (..., 2)."""
+        """Fractional columns and rows (..., 2) of display px (..., 2)."""
         return (xy - np.array(self.first)) / np.array(self.step)
 
     def pixels(self, display_size: tuple[int, int]) -> Ints:
-        """The display pixel (n,) of each point, row * width + column; on an edge that after it."""
+        """The display pixel (n,) of each point, row * width + column. On an edge it is the next
+        pixel.
+        """
         width = display_size[0]
         x, y = (
             np.clip(first + step * np.arange(n), 0, size - 1).astype(np.int64)
@@ -75,13 +77,13 @@ class Grid:
 
 
 def middles(display_size: tuple[int, int], times: int = 1) -> Grid:
-    """The middles of a display's pixels, each cut into `times` a side."""
+    """Middles of a display's pixels, each divided into `times` x `times`."""
     width, height = display_size
     return Grid((0.5 / times,) * 2, (1 / times,) * 2, width * times, height * times)
 
 
 def nodes(display_size: tuple[int, int], step: float) -> Grid:
-    """The corners of a mesh over a whole display, about `step` px apart."""
+    """Corners of a mesh over a whole display, about `step` px apart."""
     columns, rows = (max(1, round(n / step)) for n in display_size)
     width, height = display_size
     return Grid((0.0, 0.0), (width / columns, height / rows), columns + 1, rows + 1)
@@ -89,12 +91,12 @@ def nodes(display_size: tuple[int, int], step: float) -> Grid:
 
 @dataclass(frozen=True)
 class Settling:
-    """When a place is good enough; seen on the ball, where the median takes two rays.
+    """When a position is accurate enough. Values are from the ball, where the median is two rays.
 
-    settled : share of the tolerance between the landing and the point; the step that is left then
-        makes it a square of that
-    most_rays : for one place
-    nearby : viewer px, over which the derivative is taken where no piece tells it
+    settled : distance of the landing from the point, as a fraction of the tolerance. One further
+        step without a ray about squares the error.
+    most_rays : per position
+    nearby : viewer px, step of the finite differences outside pieces
     """
 
     settled: float = 0.01
@@ -107,10 +109,10 @@ SETTLING = Settling()
 
 @dataclass(eq=False)
 class Places:
-    """Places of the viewer's image, each with the point of the display that it is to show.
+    """Positions in the viewer's image, each for a point of the display.
 
     view : (n, 2) viewer px, the best so far
-    off : (n,) display px between its landing and the point; inf where it is on no branch
+    off : (n,) display px from its landing to the point; inf if it is not on the branch
     """
 
     view: Floats
@@ -124,14 +126,14 @@ def settle(
     view_by_display: Floats,
     branch: NDArray[np.uint64],
 ) -> Steps[Places]:
-    """Bring places to the points that they are to show; yields the number of rays now and then.
+    """Move positions until they land on their points (Broyden's method). Yields numbers of rays.
 
     Parameters
     ----------
     points : (n, 2) display px
-    view : (n, 2) viewer px to begin with
-    view_by_display : (n, 2, 2) about the inverse of the map's derivative there
-    branch : (n,) that light has to take
+    view : (n, 2) viewer px, initial positions
+    view_by_display : (n, 2, 2) approximate inverse of the map's derivative
+    branch : (n,) required branch
     """
     n = len(points)
     settled_px = SETTLING.settled * plan.settings.tolerance
@@ -151,7 +153,7 @@ def settle(
         off = np.where(traced.branch == branch[left], np.hypot(*new_miss.T), np.inf)
         is_nearer = off < found.off[left]
 
-        # how the step turned out corrects the derivative
+        # Broyden's update
         some = left[is_nearer]
         is_second = np.isfinite(found.off[some])
         known = some[is_second]
@@ -163,7 +165,7 @@ def settle(
         miss[some] = new_miss[is_nearer]
         step[some] = -_times(inverse[some], miss[some])
 
-        # a first ray beside its branch has nowhere to go
+        # a first ray off its branch has no direction to go and is dropped below
         others = left[~is_nearer]
         step[others] *= 0.5
         left = left[np.isfinite(found.off[left]) & (found.off[left] > settled_px)]
@@ -176,16 +178,16 @@ def settle(
 def derivative(
     trace: Tracer, view: Floats, display: Floats, branch: NDArray[np.uint64]
 ) -> Steps[Floats]:
-    """Display px per viewer px (n, 2, 2), columns x and y of the viewer, by rays beside places.
+    """Display px per viewer px (n, 2, 2), columns x and y of the viewer, by finite differences.
 
-    0 where the rays beside them take other branches.
+    0 if the rays on both sides take other branches.
 
-    trace : traces places, by their rows in the tables
-    view, display, branch : (n, 2) viewer px, (n, 2) display px and (n,) of the places
+    trace : traces viewer px, by row numbers of the arrays
+    view, display, branch : (n, 2) viewer px, (n, 2) display px and (n,)
     """
     found = np.zeros((len(view), 2, 2))
     for side in (1, -1):
-        # both axes together
+        # both axes in one batch of rays
         lacks, axis = np.nonzero(~found.any(axis=1))
         if not len(lacks):
             break
@@ -200,7 +202,7 @@ def derivative(
 
 
 def inverse_of(matrices: Floats) -> Floats:
-    """Inverses of matrices (n, 2, 2); 0 where there is none."""
+    """Inverses of matrices (n, 2, 2); 0 for singular ones."""
     (a, b), (c, d) = np.moveaxis(matrices, 0, 2)
     det = a * d - b * c
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -209,8 +211,9 @@ def inverse_of(matrices: Floats) -> Floats:
 
 
 def _corrected(inverse: Floats, step: Floats, change: Floats) -> Floats:
-    """Inverses (n, 2, 2) of derivatives, by which a change (n, 2) would have told the step (n, 2)
-    that it came of.
+    """Broyden's update of inverse derivatives (n, 2, 2), from a step (n, 2) and the resulting
+    change
+    (n, 2).
     """
     told = _times(inverse, change)
     back = np.einsum("ni,nij->nj", step, inverse)
@@ -225,12 +228,12 @@ def _times(matrices: Floats, vectors: Floats) -> Floats:
     return np.einsum("nij,nj->ni", matrices, vectors)
 
 
-SLACK = 1e-9  # of a triangle, so that no point on an edge falls between two
-ROWS_AT_ONCE = 1 << 18  # of triangles that are looked at together
+SLACK = 1e-9  # in barycentric coordinates, so no point falls between two triangles
+ROWS_AT_ONCE = 1 << 18  # of triangles, in one batch
 
 
 class Candidates(NamedTuple):
-    """Places of the viewer's image that show points of the display, as a view map has it.
+    """Positions in the viewer's image for points of the display, interpolated from a view map.
 
     point : (n,) number in the grid
     view : (n, 2) viewer px
@@ -248,19 +251,19 @@ class Candidates(NamedTuple):
 
     @classmethod
     def none(cls) -> "Candidates":
-        """Not a single one."""
+        """An empty table."""
         paths, two = np.empty(0, np.uint64), np.empty((0, 2))
         return cls(np.empty(0, np.int64), two, np.empty((0, 2, 2)), paths, paths, two[:, 0])
 
     def at(self, which: NDArray) -> "Candidates":
-        """Some of them, by their numbers."""
+        """The selected rows."""
         return Candidates(*(take(values, which) for values in self))
 
 
 def candidates(view_map: ViewMap, grid: Grid, rows: range) -> Iterator[Candidates]:
-    """Where the pieces of a map show the points in some rows of a grid, some at a time.
+    """Candidates for the points in some rows of a grid, in batches.
 
-    Samples of chaotic light are left out: between them there is no map.
+    Samples of chaotic light are excluded: there is no map between them.
     """
     for piece in view_map.pieces(sampled=False):
         n = piece.view.shape[1]
@@ -275,8 +278,8 @@ def candidates(view_map: ViewMap, grid: Grid, rows: range) -> Iterator[Candidate
 
 
 def _in_triangles(triangles: Piece, grid: Grid, rows: range) -> Iterator[Candidates]:
-    """The points in some rows of a grid that lie in triangles, row by row: boxes around slivers
-    hold a hundred times as many.
+    """Candidates from triangles, in some rows of a grid. Rows are scanned one by one, because the
+    bounding boxes of slivers have a hundred times as many points.
     """
     steps = grid.steps_to(triangles.display)
     first = np.array([0, rows.start])
@@ -302,15 +305,15 @@ def _in_triangles(triangles: Piece, grid: Grid, rows: range) -> Iterator[Candida
 
 
 def _spans(corners: Floats, owner: Ints, row: Ints) -> tuple[Floats, Floats]:
-    """Where triangles (t, 3, 2) by their numbers (n,) begin and end in rows (n,), SLACK about them;
-    infinite where an edge runs along its row.
+    """First and last columns of triangles (t, 3, 2), by triangle numbers (n,), in rows (n,), with
+    SLACK around them; infinite for an edge along its row.
     """
     begin = np.full(len(row), -np.inf)
     end = np.full(len(row), np.inf)
     (ax, ay), (bx, by), (cx, cy) = np.moveaxis(corners, 0, 2)
     twice = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     for (px, py), (qx, qy) in (((ax, ay), (bx, by)), ((bx, by), (cx, cy)), ((cx, cy), (ax, ay))):
-        # inside of an edge is x * slope + rest + row * fall >= -SLACK
+        # a point is inside of an edge if x * slope + rest + row * fall >= -SLACK
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slope, fall = (py - qy) / twice, (qx - px) / twice
             rest = -(slope * px + fall * py)
@@ -322,8 +325,11 @@ def _spans(corners: Floats, owner: Ints, row: Ints) -> tuple[Floats, Floats]:
 
 
 def _within(triangles: Piece, grid: Grid, owner: Ints, number: Ints) -> Candidates:
-    """The points of a grid, by their numbers (n,), that lie in their triangles, by theirs (n,)."""
-    # the map of each triangle, and its inverse
+    """Candidates for pairs of a triangle `owner` (n,) and a grid point `number` (n,), if the
+    triangle
+    contains the point.
+    """
+    # the inverse map of each triangle
     a = triangles.display[:, 1] - triangles.display[:, 0]
     b = triangles.display[:, 2] - triangles.display[:, 0]
     det = cross_2d(a, b)
@@ -356,20 +362,20 @@ def _within(triangles: Piece, grid: Grid, owner: Ints, number: Ints) -> Candidat
     )
 
 
-POINTS_AT_ONCE = 1 << 18  # of the grid: where light is chaotic a point has tens of candidates
-HALF_PIXEL = 0.5**0.5  # display px, from its middle to its corner
+POINTS_AT_ONCE = 1 << 18  # of the grid: a point in chaotic light has tens of candidates
+HALF_PIXEL = 0.5**0.5  # display px, from a pixel's middle to its corner
 
 
 @dataclass(frozen=True, eq=False)
 class ViewPlaces:
-    """For each point of a grid the place of the viewer's image that shows it.
+    """The position in the viewer's image for each point of a grid.
 
-    view : (n, 2) viewer px, NaN where the point's pixel is not seen
+    view : (n, 2) viewer px, NaN if the point's pixel is not seen
     view_by_display : (n, 2, 2) viewer px per display px
-    path : (n,) uint64, the way that its light takes, NO_PATH where it is not known
-    multiplicity : (n,) at how many places the very point is seen; 0 where only another part of its
-        pixel is
-    off : (n,) display px between the point and the place's landing, at most; inf where its pixel is
+    path : (n,) uint64, NO_PATH if unknown
+    multiplicity : (n,) number of positions that show the point itself; 0 if only another part of
+        its pixel is seen
+    off : (n,) display px, bound on the distance from the landing to the point; inf if the pixel is
         not seen
     """
 
@@ -392,11 +398,11 @@ def _shares(plan: Plan, view_map: ViewMap) -> ShareBatches:
 def view_from_display(
     plan: Plan, view_map: ViewMap, grid: Grid, strongest: NDArray[np.uint64] | None = None
 ) -> Generator[float, None, ViewPlaces]:
-    """The places that show the points of a grid; yields progress 0..1.
+    """The viewer px that show the points of a grid. Yields progress 0..1.
 
-    Only those on the path that counts are traced; of others the map says that they are there.
+    Only candidates on the path that counts are traced; the others add to the multiplicity.
 
-    strongest : as by `paths_shown`, if it is known
+    strongest : result of `paths_shown`, computed if None
     """
     if strongest is None:
         strongest = yield from hold_progress(0.0, paths_shown(plan, view_map))
@@ -409,7 +415,7 @@ def view_from_display(
         multiplicity=np.zeros(len(grid), np.int64),
         off=np.full(len(grid), np.inf),
     )
-    # the very points, by the pieces of the map that show them; a fold may show one a hundred times
+    # the points themselves; a fold may show one a hundred times
     for rows in grid.bands(POINTS_AT_ONCE):
         done = 0.8 * rows.start / grid.rows
         lots = [Candidates.none()]
@@ -447,7 +453,7 @@ def _largest(
             continue
         pixel = some.display_index
         counts = (some.path == strongest[pixel]) & (some.weight > weight[pixel])
-        # of several of one pixel the last is kept
+        # for a repeated pixel the last assignment remains
         order = np.flatnonzero(counts)
         order = order[np.argsort(some.weight[order], kind="stable")]
         weight[pixel[order]] = some.weight[order]
@@ -457,10 +463,10 @@ def _largest(
 
 
 def _each_once(lot: Candidates, view_map: ViewMap) -> Candidates:
-    """Candidates, each place but once.
+    """Candidates without duplicates.
 
-    A map knows its landings to its tolerance. Two places on one path, which has the same way round
-    at both, are one where they are no farther apart than that.
+    The map's landings are accurate to its tolerance. Two candidates of a point on one path, which
+    includes the orientation, are duplicates if they are no farther apart than the tolerance.
     """
     reach = 2 * view_map.tolerance * np.abs(lot.view_by_display).sum(axis=2).max(axis=1)
     order = np.lexsort((lot.view[:, 0], lot.path, lot.point))
@@ -472,7 +478,7 @@ def _each_once(lot: Candidates, view_map: ViewMap) -> Candidates:
         same = np.flatnonzero((point[k:] == point[:-k]) & (path[k:] == path[:-k]))
         away = np.abs(view[same + k] - view[same])
         near = np.minimum(reach[same + k], reach[same])
-        if not (away[:, 0] <= near).any():  # and so of none that is further on
+        if not (away[:, 0] <= near).any():  # then no pair further apart in this order is closer
             break
         repeated[same[away.max(axis=1) <= near] + k] = True
     return lot.at(order[~repeated])
@@ -481,9 +487,10 @@ def _each_once(lot: Candidates, view_map: ViewMap) -> Candidates:
 def _place(
     found: ViewPlaces, plan: Plan, view_map: ViewMap, grid: Grid, lot: Candidates
 ) -> Steps[None]:
-    """Set the places of points: of each the candidate that shows it largest, brought to the point.
-    Light ends, or jumps, where the map knows only as well as its tolerance: where a candidate does
-    not show its point, the next largest does.
+    """Set the position of each point from its candidate with the largest image, after `settle`.
+
+    The map places the end of a light path, or a jump, only within its tolerance. If a candidate
+    does not reach its point, the next largest is used.
     """
     (a, b), (c, d) = np.moveaxis(lot.view_by_display, 0, 2)
     size = np.abs(a * d - b * c)
@@ -510,9 +517,9 @@ def _place(
 def _fill(
     found: ViewPlaces, plan: Plan, view_map: ViewMap, points: Floats, number: Ints, start: Floats
 ) -> Steps[None]:
-    """Set the places of points (n, 2) by their numbers (n,) from shares in their pixels: the very
-    points where the way leads there within the viewer's image, else the middles (n, 2) of the
-    shares.
+    """Set positions of points (n, 2), by numbers (n,), from the middles `start` (n, 2) of shares in
+    their pixels. `settle` may reach the point itself within the viewer's image; otherwise the
+    middle is used.
     """
     traced = yield from trace_points(plan, start)
     by_view = yield from derivative(tracer(plan), start, traced.xy, traced.branch)
@@ -523,7 +530,7 @@ def _fill(
 
     found.view[number] = np.where(is_there[:, None], places.view, start)
     found.view_by_display[number] = inverse
-    # the way round that it shows the display is the sign of the derivative
+    # the derivative's sign is the orientation of the display's image
     (a, b), (c, d) = np.moveaxis(inverse, 0, 2)
     found.path[number] = np.where(is_there, traced.branch ^ (a * d < b * c), NO_PATH)
     away = np.hypot(*(traced.xy - points).T)
