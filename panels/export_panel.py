@@ -18,9 +18,10 @@ class VIEW3D_PT_kiriko_export(OfRig, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = with_labels(self.layout)
         ours = context.scene.kiriko
-        layout.prop(ours, "export_path")
-        layout.prop(ours, "export_format")
-        layout.operator("kiriko.export", icon="EXPORT")
+        column = layout.column(align=True)
+        column.prop(ours, "export_path")
+        column.prop(ours, "export_format")
+        column.operator("kiriko.export", icon="EXPORT")
         for reason in unwritable(ours.export_format):
             sentence(layout, context, Message("{reason}.", reason=reason), icon="ERROR")
 

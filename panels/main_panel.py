@@ -28,7 +28,7 @@ SOLVE = Message("Ready: press Solve.")
 CHECKING = Message("Checking the glass...")
 EDITED = Message("Checked when you leave Edit Mode.")
 BEFORE = Message("Before you solve:")
-LARGE = 1.4  # scale of the main buttons
+LARGE = 1.25  # scale of the main buttons
 
 
 class VIEW3D_PT_kiriko_main(Sidebar, bpy.types.Panel):
@@ -100,7 +100,9 @@ def draw_checklist(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
 
     column = layout.column()
     column.enabled = not look_over.have_moved(scene)
-    for entry in sorted(found, key=lambda entry: not is_first(entry)):
+    # Solve is above, and Result says why it is due
+    shown = [entry for entry in found if not entry.asks_to_solve]
+    for entry in sorted(shown, key=lambda entry: not is_first(entry)):
         draw_entry(column, context, entry)
 
     text, is_problem = live.status(scene)

@@ -21,10 +21,10 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = with_labels(self.layout)
         self._draw_parts(layout.column(align=True), context)
-        row = layout.split(factor=0.6, align=True)
-        row.use_property_split = False
-        row.prop(context.scene.kiriko, "tolerance")
-        row.prop(context.scene.kiriko, "effort")
+        column = layout.column(align=True)
+        column.use_property_split = False  # half of the sidebar would cut the names
+        column.prop(context.scene.kiriko, "tolerance")
+        column.prop(context.scene.kiriko, "effort")
 
     def _draw_parts(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
         """One line for each part, and one for its product."""
