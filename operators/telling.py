@@ -15,13 +15,17 @@ Translate = Callable[[str], str]  # from a template to one of another language
 
 
 def interface(text: str) -> str:
-    """A text in the language of labels, where these are translated."""
-    return translations.pgettext_iface(text, CONTEXT)
+    """A text in the language of labels, where these are translated. Names of Blender's own, such as
+    a shader's input, are in Blender's translation.
+    """
+    own = str(translations.pgettext_iface(text, CONTEXT))
+    return str(translations.pgettext_iface(text)) if own == text else own
 
 
 def reports(text: str) -> str:
     """A text in the language of reports, where these are translated."""
-    return translations.pgettext_rpt(text, CONTEXT)
+    own = str(translations.pgettext_rpt(text, CONTEXT))
+    return str(translations.pgettext_iface(text)) if own == text else own
 
 
 def in_words(text: str, translate: Translate | None = None) -> str:

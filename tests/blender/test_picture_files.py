@@ -189,7 +189,7 @@ WAYS = (
 def source() -> np.ndarray:
     bpy.ops.kiriko.solve()
     result = bpy.context.scene.kiriko.result
-    assert "stored turned" not in result.notes
+    assert "Exif orientation" not in result.notes
     found = np.empty(len(result.source.pixels), np.float32)
     result.source.pixels.foreach_get(found)
     return found
@@ -222,7 +222,7 @@ def test_what_was_turned_and_saved_in_blender_stays(picture, tmp_path, orientati
     assert tuple(image.size) == (16, 24)
     assert image.packed_file is None
     bpy.ops.kiriko.solve()
-    assert "stored turned" not in bpy.context.scene.kiriko.result.notes
+    assert "Exif orientation" not in bpy.context.scene.kiriko.result.notes
 
 
 def test_choosing_turns_a_copy_of_a_photograph(picture, tmp_path):

@@ -479,9 +479,9 @@ def test_a_rig_from_another_file_brings_viewer_and_settings(
     assert pixels(ours.result.source).any()
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     if is_link:
-        assert "is linked from another file: give it the image" in ours.result.notes
+        assert "is linked from another file. Give it the image" in ours.result.notes
         bpy.context.view_layer.objects.active = None
-        with pytest.raises(RuntimeError, match="'Kiriko Rig' is linked from another file: unlink"):
+        with pytest.raises(RuntimeError, match="'Kiriko Rig' is linked from another file. Unlink"):
             bpy.ops.kiriko.remove_rig()
         return
     bpy.context.view_layer.objects.active = None

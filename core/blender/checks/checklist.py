@@ -282,13 +282,13 @@ def _once(found: Iterable[Entry]) -> Iterator[Entry]:
 
 def _losses(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Lost shares of the picture with their remedies, the largest first."""
-    told = set()
+    reported = set()
     for reason, share in sorted(seen.misses.items(), key=lambda miss: -miss[1]):
         if reason in REMEDIES and share >= WORTH:
             remedy, buttons = _remedy(seen, reason, length_text)
             yield Entry(_loss(share, reason, remedy), ADVICE, buttons)
-            told.add(reason)
-    for reason in [reason for reason in REMEDIES if reason not in told]:
+            reported.add(reason)
+    for reason in [reason for reason in REMEDIES if reason not in reported]:
         # the viewer with the largest loss; remedies were measured only for the visible viewer
         losses = [(of.get(reason, 0.0), name) for name, of in seen.misses_of_others.items()]
         share, name = max(losses, default=(0.0, ""))

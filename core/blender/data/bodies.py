@@ -96,12 +96,14 @@ def members_of(thing: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """The objects of an instanced collection, each once, including nested instances; none for other
     objects.
     """
-    todo, met = [thing], set()
+    todo, seen = [thing], set()
     while todo:
         one = todo.pop()
         group = one.instance_collection if one.instance_type == "COLLECTION" else None
-        new = [] if group is None else [o for o in dict.fromkeys(group.all_objects) if o not in met]
-        met.update(new)
+        new = (
+            [] if group is None else [o for o in dict.fromkeys(group.all_objects) if o not in seen]
+        )
+        seen.update(new)
         todo += reversed(new)
         yield from new
 

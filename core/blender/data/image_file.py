@@ -88,8 +88,8 @@ def notes_on(image: bpy.types.Image) -> list[str]:
         )
     light = None if image.colorspace_settings.is_data else light_said(said, PROBES / 255)
     if light is not None:
-        taken = colour.converted(image, PROBES[None].astype(np.uint8))[0]
-        if np.abs(taken - light).max() > UNLIKE:
+        converted = colour.converted(image, PROBES[None].astype(np.uint8))[0]
+        if np.abs(converted - light).max() > UNLIKE:
             notes.append(
                 Message(
                     "Blender ignores the colour profile of '{image}' ({profile}). Set it as Color"

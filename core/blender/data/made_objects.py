@@ -107,9 +107,9 @@ def made_surface(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
 def values_of(mesh: bpy.types.Mesh, quantity: str) -> Floats:
     """Values (n,) at the points, as stored by `surface_object`."""
     found = np.zeros(len(mesh.vertices), np.float32)
-    kept = mesh.attributes.get(quantity)
-    if kept is not None and len(kept.data) == len(found):
-        kept.data.foreach_get("value", found)
+    attribute = mesh.attributes.get(quantity)
+    if attribute is not None and len(attribute.data) == len(found):
+        attribute.data.foreach_get("value", found)
     return found
 
 
@@ -142,8 +142,8 @@ def surface_object(
     used, corners = np.unique(faces, return_inverse=True)
     points = positions[used]
     centre = points.mean(axis=0)
-    ((quantity, told),) = values.items()
-    shown = told[used].astype(np.float32)
+    ((quantity, numbers),) = values.items()
+    shown = numbers[used].astype(np.float32)
     grey = np.repeat((shown / max(shown.max(), 1e-30))[:, None], 4, axis=1)
     grey[:, 3] = 1.0
     own_name = name_for(scene, name)

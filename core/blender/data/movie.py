@@ -64,8 +64,8 @@ def available() -> tuple[str, ...]:
     """The codecs that this Blender can encode."""
     if not bpy.app.build_options.codec_ffmpeg:
         return ()
-    known = bpy.types.FFmpegSettings.bl_rna.properties["codec"].enum_items
-    return tuple(name for name, codec in CODECS.items() if codec.code in known)
+    supported = bpy.types.FFmpegSettings.bl_rna.properties["codec"].enum_items
+    return tuple(name for name, codec in CODECS.items() if codec.code in supported)
 
 
 def check(name: str, size: tuple[int, int]) -> None:

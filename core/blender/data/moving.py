@@ -93,13 +93,13 @@ def set_timing(
 
 def rate_of(image: bpy.types.Image) -> float:
     """Frames per second of a movie's file; 0 if unknown."""
-    known = set(bpy.data.movieclips)
+    before = set(bpy.data.movieclips)
     try:
         clip = bpy.data.movieclips.load(_absolute(image), check_existing=True)
     except RuntimeError:  # the file is gone
         return 0.0
     rate = clip.fps
-    if clip not in known:
+    if clip not in before:
         bpy.data.movieclips.remove(clip)
     return rate
 

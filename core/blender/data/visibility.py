@@ -68,8 +68,8 @@ class VisibleObjects:
 
     def _by_collection(self, thing: bpy.types.Object, flags: tuple[str, ...], where: str) -> str:
         """The first collection above an object with one of these flags on."""
-        for way in ways_to(thing, self._layer.layer_collection):
-            for layer in way:
+        for chain in chains_to(thing, self._layer.layer_collection):
+            for layer in chain:
                 if any(
                     getattr(layer, flag, False) or getattr(layer.collection, flag, False)
                     for flag in flags
@@ -142,17 +142,17 @@ def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bp
             yield from open_collections(child, flag)
 
 
-def ways_to(
+def chains_to(
     thing: bpy.types.Object,
     layer: bpy.types.LayerCollection,
     above: tuple[bpy.types.LayerCollection, ...] = (),
 ) -> Iterator[tuple[bpy.types.LayerCollection, ...]]:
     """Chains of collections, from the outermost on, that hold an object."""
-    way = (*above, layer)
+    chain = (*above, layer)
     if thing.name in layer.collection.objects:
-        yield way
+        yield chain
     for child in layer.children:
-        yield from ways_to(thing, child, way)
+        yield from chains_to(thing, child, chain)
 
 
 def show(thing: bpy.types.Object, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
@@ -207,18 +207,18 @@ def _to_show(thing: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[bpy.ty
 
 def _of_collections(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> list[Switch]:
     """The switches of collections that hide an object, along the chain with the fewest."""
-    ways = [
+    chains = [
         [
             switch
-            for level in way
+            for level in chain
             for switch in (
                 *_closed(level, "exclude", "hide_viewport"),
                 *_closed(level.collection, *HIDES),
             )
         ]
-        for way in ways_to(thing, layer.layer_collection)
+        for chain in chains_to(thing, layer.layer_collection)
     ]
-    return min(ways, key=len, default=[])
+    return min(chains, key=len, default=[])
 
 
 def _closed(owner: bpy.types.bpy_struct, *names: str) -> list[Switch]:

@@ -149,10 +149,10 @@ def _is_glass_along(copies: Copies) -> bool:
 
 
 def _leads(
-    way: tuple[bpy.types.Object, ...], one: bpy.types.Object, twin: bpy.types.Object
+    pair: tuple[bpy.types.Object, ...], one: bpy.types.Object, twin: bpy.types.Object
 ) -> bool:
     """Whether the motion from an original to its copy also takes one object to another."""
-    a, b, c, d = (thing.matrix_world for thing in (*way, one, twin))
+    a, b, c, d = (thing.matrix_world for thing in (*pair, one, twin))
     off = np.abs(np.array(b @ a.inverted_safe() @ c) - np.array(d))[:3]
     far = max(x.translation.length for x in (a, b, c, d))
     size = np.linalg.norm(np.array(d)[:3, :3])

@@ -82,9 +82,9 @@ def make_viewers(
     """Make cameras like a viewer's, and list them in place of it and of earlier ones, whose weights
     and images they inherit if their names and numbers match.
     """
-    kept: dict[str, list[tuple[float, bpy.types.Image | None]]] = {}
+    earlier: dict[str, list[tuple[float, bpy.types.Image | None]]] = {}
     for one in _made(scene):
-        kept.setdefault(stem(one.camera[EYE_MARK]), []).append((one.weight, one.image))
+        earlier.setdefault(stem(one.camera[EYE_MARK]), []).append((one.weight, one.image))
     own = next(((one.weight, one.image) for one in scene.kiriko.viewers), (1.0, None))
     shared = scene.kiriko.picture_image
     remove_made(scene)
@@ -100,8 +100,8 @@ def make_viewers(
     for place, one in zip(places, entries[-len(made) :], strict=True):
         news.setdefault(place.name, []).append(one)
     for name, of_name in news.items():
-        if len(kept.get(name, [])) == len(of_name):
-            for one, before in zip(of_name, kept[name], strict=True):
+        if len(earlier.get(name, [])) == len(of_name):
+            for one, before in zip(of_name, earlier[name], strict=True):
                 one.weight, one.image = before
     return made
 

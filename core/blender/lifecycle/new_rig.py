@@ -132,18 +132,18 @@ def read_bench(
     RigError : one of them encloses nothing, or is hidden
     """
     metres = length_of_unit(scene)
-    kept = ShapeCache()
+    cache = ShapeCache()
 
     with _as_glass(glasses):
         context.view_layer.update()
         depsgraph, holders = context.evaluated_depsgraph_get(), rigs_of(scene)
         is_out = lambda thing: thing not in glasses and bool(holders(thing))  # noqa: E731
-        parts, _ = read_parts(depsgraph, scene, metres, kept, is_left_out=is_out)
+        parts, _ = read_parts(depsgraph, scene, metres, cache, is_left_out=is_out)
 
     by_role = parts_by_role(parts, glasses)
 
     solids = [part for part in by_role["GLASS"] if len(part.mesh.triangles)]
-    read = [in_blender("GLASS").read(part, kept) for part in solids]
+    read = [in_blender("GLASS").read(part, cache) for part in solids]
     found = [glass for glass, _, _ in read]
     opaque = {m.object_name for _, _, materials in read for m in materials if m.source == "default"}
 
@@ -159,7 +159,7 @@ def read_bench(
         aim = bounds_of(looked_through(chosen, context.view_layer.objects.active))
     others = {
         role.field: tuple(
-            in_blender(role.name).read(part, kept).part for part in by_role[role.name]
+            in_blender(role.name).read(part, cache).part for part in by_role[role.name]
         )
         for role in ROLES
         if role.kind is not None and not role.is_single and role.name != "GLASS"

@@ -118,10 +118,10 @@ def _unused_elsewhere(
         going -= used
 
 
-def _others(users: set[bpy.types.ID], known: set[bpy.types.ID]) -> set[bpy.types.ID]:
+def _others(users: set[bpy.types.ID], own: set[bpy.types.ID]) -> set[bpy.types.ID]:
     """Users outside a set, except windows."""
     shown = bpy.types.Screen | bpy.types.WorkSpace | bpy.types.WindowManager
-    return {user for user in users - known if not isinstance(user, shown)}
+    return {user for user in users - own if not isinstance(user, shown)}
 
 
 def refuse_shared(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ...base.messages import Message
+from ...base.messages import Message, as_message
 
 REFRACTIVE = {
     "BSDF_GLASS": "Glass BSDF",
@@ -15,23 +15,23 @@ REFRACTIVE = {
 # inputs of shaders, of the material's output and of glTF's group that change how much light passes
 # clear glass, or its direction; all are ignored. Each has no effect at its number, or unlinked if
 # None
-NEUTRAL: dict[Message, float | None] = {
-    Message("Base Color"): 1.0,
-    Message("Color"): 1.0,
-    Message("Roughness"): 0.0,
-    Message("Metallic"): 0.0,
-    Message("Alpha"): 1.0,
-    Message("Thin Wall"): 0.0,
-    Message("Normal"): None,
-    Message("Specular Tint"): 1.0,
-    Message("Transmission Weight"): 1.0,
-    Message("Coat Weight"): 0.0,
-    Message("Sheen Weight"): 0.0,
-    Message("Emission Strength"): 0.0,
-    Message("Thin Film Thickness"): 0.0,
-    Message("Volume"): None,
-    Message("Displacement"): None,
-    Message("Dispersion"): 0.0,
+NEUTRAL: dict[str, float | None] = {
+    "Base Color": 1.0,
+    "Color": 1.0,
+    "Roughness": 0.0,
+    "Metallic": 0.0,
+    "Alpha": 1.0,
+    "Thin Wall": 0.0,
+    "Normal": None,
+    "Specular Tint": 1.0,
+    "Transmission Weight": 1.0,
+    "Coat Weight": 0.0,
+    "Sheen Weight": 0.0,
+    "Emission Strength": 0.0,
+    "Thin Film Thickness": 0.0,
+    "Volume": None,
+    "Displacement": None,
+    "Dispersion": 0.0,
 }
 # inputs without effect while others of their shader have these values
 IDLE: dict[str, dict[str, float]] = {
@@ -192,13 +192,14 @@ def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
             continue
         end, _ = feeding(node.inputs[name], groups)
         if end.is_output and end.node.type not in CONSTANT:
-            yield Message("{setting} from nodes", setting=name)
+            yield Message("{setting} from nodes", setting=as_message(name))
         elif neutral is None or is_at(node, name, neutral, groups):
             continue
         elif end.type == "RGBA":
-            yield name
+            yield as_message(name)
         else:
-            yield Message("{setting} {value}", setting=name, value=f"{end.default_value:.3g}")
+            value = f"{end.default_value:.3g}"
+            yield Message("{setting} {value}", setting=as_message(name), value=value)
 
 
 def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
@@ -233,8 +234,8 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
         if other != node
     ]
     of_gltf = (one for one in material.node_tree.nodes if one.type == "GROUP" and one.node_tree)
-    for beside in (output, *(n for n in of_gltf if n.node_tree.name.startswith(OF_GLTF))):
-        ignored += not_followed(beside, ())
+    for holder in (output, *(n for n in of_gltf if n.node_tree.name.startswith(OF_GLTF))):
+        ignored += not_followed(holder, ())
 
     return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes)
 

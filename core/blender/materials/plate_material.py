@@ -161,7 +161,7 @@ class _PlateNodes:
         self.depth = (
             (1.0 - self.along.dot(self.along) / (ior * ior)).node("MAXIMUM", _GRAZING).node("SQRT")
         )
-        self.way = self.input["Height"] / (ior * self.depth)
+        self.path_length = self.input["Height"] / (ior * self.depth)
         self.half = self.input["Height"] * (1.0 if layout == "crossed" else 0.5)
 
         # from the hit, on the middle plane, to the face
@@ -225,7 +225,7 @@ class _PlateNodes:
         speed = along.dot(normal)
         q = ((self.from_centre + shift).dot(normal) + layer.offset) / pitch - layer.phase
         entered = q.node("FRACT")
-        unfolded = entered + speed * self.way / pitch
+        unfolded = entered + speed * self.path_length / pitch
         slit = unfolded.node("FLOOR")
         inside = unfolded - slit
         n_reflections = slit.node("ABSOLUTE")
@@ -235,7 +235,7 @@ class _PlateNodes:
 
         # a layer of slits lets light drift along its mirrors, holes do not
         if self.layout == "crossed":
-            shift = shift + (along - normal * speed) * self.way
+            shift = shift + (along - normal * speed) * self.path_length
 
         return shift, along - normal * (2.0 * speed * is_odd), n_reflections, is_odd
 

@@ -42,16 +42,16 @@ def find_texture(
         return None
 
     queue = deque([(output.inputs["Surface"], (), False)])
-    asked = set()
+    visited = set()
 
     while queue:
         socket, groups, is_altered = queue.popleft()
         end, groups = feeding(socket, groups)
-        if not end.is_output or (end.node, groups) in asked:
+        if not end.is_output or (end.node, groups) in visited:
             continue
 
         node = end.node
-        asked.add((node, groups))
+        visited.add((node, groups))
         if node.type == "TEX_IMAGE" and (node.image is None) == is_empty:
             return node, groups, is_altered
 

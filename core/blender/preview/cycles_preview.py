@@ -116,9 +116,9 @@ class Preview:
 
         parts = PreviewParts(self.scene, reading, studio)
         self.notes += parts.notes
-        taken = parts.add_parts(depsgraph, scene)
+        replaced = parts.add_parts(depsgraph, scene)
         if surroundings:
-            add_surroundings(self.scene, scene, view_layer, taken)
+            add_surroundings(self.scene, scene, view_layer, replaced)
 
         parts.add_camera(scene, depsgraph)
 

@@ -106,19 +106,19 @@ class PreviewParts:
 
         Returns the user's objects replaced by copies, including their instancers.
         """
-        taken = set()
+        replaced = set()
         counts: Counter[str] = Counter()
 
         for instance, owner in shown_parts(depsgraph, scene):
             if instance.object.type != "MESH":
                 continue
             name = part_name(instance, counts)
-            taken |= {owner, instance.object.original}
+            replaced |= {owner, instance.object.original}
             if instance.is_instance:
-                taken.add(instance.parent.original)
+                replaced.add(instance.parent.original)
             self._add_part(name, instance, owner)
 
-        return taken
+        return replaced
 
     def _add_part(
         self, name: str, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object
@@ -210,12 +210,12 @@ def add_surroundings(
     made: bpy.types.Scene,
     scene: bpy.types.Scene,
     layer: bpy.types.ViewLayer,
-    taken: set[bpy.types.Object],
+    replaced: set[bpy.types.Object],
 ) -> None:
     """Put the world and the remaining objects without a role into a temporary scene."""
     made.world = scene.world
     for thing in _seen_in_render(layer.layer_collection):
-        if thing.kiriko.role == "NONE" and thing not in taken:
+        if thing.kiriko.role == "NONE" and thing not in replaced:
             made.collection.objects.link(thing)
 
 

@@ -173,16 +173,16 @@ def _compositing(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
 
 
 def _file_outputs(
-    tree: bpy.types.NodeTree | None, known: frozenset[int] = frozenset()
+    tree: bpy.types.NodeTree | None, visited: frozenset[int] = frozenset()
 ) -> Iterator[bpy.types.Node]:
     """The nodes that write files, in a tree and its groups."""
-    if tree is None or tree.session_uid in known:
+    if tree is None or tree.session_uid in visited:
         return
     for node in tree.nodes:
         if node.bl_idname == "CompositorNodeOutputFile":
             yield node
         elif node.type == "GROUP":
-            yield from _file_outputs(node.node_tree, known | {tree.session_uid})
+            yield from _file_outputs(node.node_tree, visited | {tree.session_uid})
 
 
 @contextmanager

@@ -91,17 +91,13 @@ def register() -> None:
 def _attach() -> None:
     """Give Blender's types their groups of settings."""
     bpy.types.Object.kiriko = PointerProperty(type=KirikoObject, override=overridden.OVERRIDE)
-    bpy.types.Material.kiriko = PointerProperty(
-        description="What Kiriko remembers of the material", type=KirikoMaterial
-    )
+    bpy.types.Material.kiriko = PointerProperty(type=KirikoMaterial)
     bpy.types.Collection.kiriko = PointerProperty(type=KirikoRig, override=overridden.OVERRIDE)
     bpy.types.Scene.kiriko_scene = PointerProperty(type=KirikoScene)
     bpy.types.Scene.kiriko = property(
         active_settings, doc="Settings, viewers and result of the scene's active rig"
     )
-    bpy.types.WindowManager.kiriko = PointerProperty(
-        description="What the interface shows of a rig", type=KirikoView
-    )
+    bpy.types.WindowManager.kiriko = PointerProperty(type=KirikoView)
 
 
 def unregister() -> None:

@@ -210,7 +210,7 @@ def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
     return Tone(ours.brightness, ours.gamma, ours.black_level)
 
 
-def read_picture(part: WorldPart, kept: ShapeCache) -> tuple[Picture, list[str]]:
+def read_picture(part: WorldPart, cache: ShapeCache) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image.
 
     The mesh is checked first: without faces no material shows an image.
@@ -220,7 +220,7 @@ def read_picture(part: WorldPart, kept: ShapeCache) -> tuple[Picture, list[str]]
     image, timing, notes = shown_image(part)
     number = number_at(image, timing, part.frame)
     tone = tone_of(part.owner.kiriko.picture)
-    pixels = kept.pixels(image, Message("the picture '{name}'", name=name), tone, number)
+    pixels = cache.pixels(image, Message("the picture '{name}'", name=name), tone, number)
     notes += ended(image, timing, part.frame)
 
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), pixels.shape[1::-1])):
@@ -235,7 +235,7 @@ def read_picture(part: WorldPart, kept: ShapeCache) -> tuple[Picture, list[str]]
         )
 
     place = PicturePlace(part.name, *pixels.shape[1::-1], part.mesh)
-    return place.showing(pixels), notes + about(image) + kept.notes_on(image)
+    return place.showing(pixels), notes + about(image) + cache.notes_on(image)
 
 
 def place_of(

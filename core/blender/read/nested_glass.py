@@ -19,7 +19,7 @@ from ...rig.rig import WAVELENGTH, Glass
 from .elements import MaterialReading
 
 CLOSE = 1e-5  # solids closer than this fraction of their size touch
-MOST_ASKED = 20_000  # vertices tested for their distance to another solid
+MOST_TESTED = 20_000  # vertices tested for their distance to another solid
 SAME_VOLUMES = 1e-3  # volumes with a smaller relative difference are equal
 MOST_TRIANGLES = 300_000  # for more of them `reasons` would take too long
 SAME = 1e-4  # indices with a smaller difference are equal
@@ -93,7 +93,7 @@ class _Solids:
         reach = CLOSE * float(np.ptp(self.boxes[[i, j]], axis=1).max(axis=1).min())
         for one, other in ((i, j), (j, i)):
             points = np.unique(self._points(one), axis=0)
-            points = points[:: len(points) // MOST_ASKED + 1]
+            points = points[:: len(points) // MOST_TESTED + 1]
             if any(
                 self._tree(other).find_nearest(point, reach)[0] is not None
                 for point in points.tolist()
@@ -175,22 +175,22 @@ def reasons(glasses: tuple[Glass, ...], materials: Iterable[MaterialReading]) ->
         return []
 
     found, notes = interfaces(glasses)
-    told = [note.values["why"] for note in notes]
+    clauses = [note.values["why"] for note in notes]
     for glass, shown in zip(glasses, found, strict=True):
         is_nested = shown.index is None or abs(shown.index - glass.ior.at(WAVELENGTH)) > SAME
         if is_nested and not notes:
-            told.append(Message("'{name}' is inside other glass", name=glass.name))
+            clauses.append(Message("'{name}' is inside other glass", name=glass.name))
         if shown.is_inside_out:
-            told.append(
+            clauses.append(
                 Message("normals of '{name}' point inward (recalculate them)", name=glass.name)
             )
 
     for one in materials:
         if one.own_ior is not None and abs(one.own_ior - one.ior) > SAME:
-            told.append(
+            clauses.append(
                 Message(
                     "the Override IOR of '{name}' differs from its material",
                     name=one.object_name,
                 )
             )
-    return list(dict.fromkeys(told))
+    return list(dict.fromkeys(clauses))

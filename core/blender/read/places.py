@@ -27,14 +27,14 @@ class PlaceCache(ShapeCache):
     _are_compared = True
 
 
-def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: PlaceCache) -> Rig:
+def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, cache: PlaceCache) -> Rig:
     """The existing parts of a scene's rig at this frame, with a calibration's offset; of the
     picture only its place.
 
     Raises RigError for an object with a role that cannot be a part.
     """
     metres = length_of_unit(scene)
-    parts, _ = read_parts(depsgraph, scene, metres, kept)
+    parts, _ = read_parts(depsgraph, scene, metres, cache)
     by_role = parts_by_role(parts)
     found: dict[str, tuple[Any, ...]] = {"viewers": tuple(_viewers(depsgraph, scene, metres))}
 
@@ -49,7 +49,7 @@ def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: Pl
         members = []
         for part in by_role[role.name]:
             with suppress(KirikoError):
-                members.append(_read(part, kept))
+                members.append(_read(part, cache))
         found[role.field] = tuple(members)
 
     rig, _ = calibrated_rig(Rig(**found), scene)
@@ -67,9 +67,9 @@ def _viewers(
                 yield read_viewer(camera, depsgraph, scene.render, metres)
 
 
-def _read(part: WorldPart, kept: PlaceCache) -> Any:
+def _read(part: WorldPart, cache: PlaceCache) -> Any:
     """A part as its role reads it; of a picture only its place."""
     if part.role == "PICTURE":
         image, timing, _ = shown_image(part)
         return place_of(image, part.name, part.mesh, number_at(image, timing, part.frame))
-    return in_blender(part.role).read(part, kept).part
+    return in_blender(part.role).read(part, cache).part

@@ -108,8 +108,8 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
     is_askew = _is_sheared(thing, matrix)
     if is_askew and thing.parent_type == "OBJECT":
         # location, rotation and scale cannot express shear, but the parent inverse can
-        way = thing.parent.matrix_world.inverted_safe() @ matrix
-        thing.matrix_parent_inverse = way @ before[0].inverted_safe()
+        to_parent = thing.parent.matrix_world.inverted_safe() @ matrix
+        thing.matrix_parent_inverse = to_parent @ before[0].inverted_safe()
     else:
         thing.matrix_world = matrix
     context.view_layer.update()
@@ -160,8 +160,8 @@ def rescale(
     before = np.array(thing.matrix_world, float)
     basis = np.array(thing.matrix_basis, float)[:3, :3]
     children = [child for child in thing.children if child.parent_type == "OBJECT"]
-    kept = [(thing, "scale", thing.scale.copy()), (thing, "location", thing.location.copy())]
-    kept += [
+    saved = [(thing, "scale", thing.scale.copy()), (thing, "location", thing.location.copy())]
+    saved += [
         (child, "matrix_parent_inverse", child.matrix_parent_inverse.copy()) for child in children
     ]
 
@@ -185,7 +185,7 @@ def rescale(
         if not is_right(after) or np.abs(moved).max() > RESIZED_WITHIN * size + rounding:
             raise RigError("a constraint or a driver holds it")
     except BaseException:
-        for owner, name, value in kept:
+        for owner, name, value in saved:
             setattr(owner, name, value)
         context.view_layer.update()
         raise
@@ -193,8 +193,10 @@ def rescale(
 
 def is_animated(block: bpy.types.ID) -> bool:
     """Whether a datablock has keyframes, drivers or strips, which may override set values."""
-    kept = block.animation_data
-    return kept is not None and bool(kept.action or kept.drivers or kept.nla_tracks)
+    animation = block.animation_data
+    if animation is None:
+        return False
+    return bool(animation.action or animation.drivers or animation.nla_tracks)
 
 
 def refuse_held(thing: bpy.types.Object) -> None:

@@ -9,7 +9,7 @@ from .scene_parts import WorldPart
 from .shapes import ShapeCache
 
 
-def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
+def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     """A blocker, which is its mesh."""
     return FoundPart(Blocker(part.name, part.mesh), [], [])
 

@@ -13,7 +13,7 @@ from .scene_parts import WorldPart
 from .shapes import ShapeCache
 
 
-def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
+def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     """A glass with the index of its material."""
     glass, materials, notes = read_glass(part)
     return FoundPart(glass, notes, materials)

@@ -6,9 +6,9 @@ from .scene_parts import WorldPart
 from .shapes import ShapeCache
 
 
-def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
+def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     """The plane with the pixels of its image."""
-    picture, notes = read_picture(part, kept)
+    picture, notes = read_picture(part, cache)
     return FoundPart(picture, notes, [])
 
 

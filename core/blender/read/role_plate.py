@@ -13,7 +13,7 @@ from .scene_parts import WorldPart
 from .shapes import ShapeCache
 
 
-def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
+def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     """A plate with its mirrors."""
     return FoundPart(read_plate(part), [], [])
 

@@ -32,7 +32,7 @@ from .shapes import CURVED, ShapeCache
 
 
 def read_viewer_image(
-    scene: bpy.types.Scene, seats: Sequence[Seat], viewers: Sequence[Viewer], kept: ShapeCache
+    scene: bpy.types.Scene, seats: Sequence[Seat], viewers: Sequence[Viewer], cache: ShapeCache
 ) -> tuple[list[Picture], list[str]]:
     """The picture, none without an image, with notes on images of another size or shape.
 
@@ -46,13 +46,13 @@ def read_viewer_image(
         if seat.image is not None
     ]
     if own:
-        return _read_each(scene, own, kept)
+        return _read_each(scene, own, cache)
 
     image = scene.kiriko.picture_image
     if image is None:
         return [], []
 
-    pixels, notes = _read(scene, image, Message("the scene's picture"), kept)
+    pixels, notes = _read(scene, image, Message("the scene's picture"), cache)
     place = PicturePlace(image.name, *pixels.shape[1::-1])
     for viewer in viewers[:1]:
         off = abs(place.width * viewer.height - place.height * viewer.width)
@@ -76,14 +76,14 @@ def _on_stretched(image: bpy.types.Image, pixels: NDArray[np.float32], viewer: V
 
 
 def _read_each(
-    scene: bpy.types.Scene, own: list[tuple[bpy.types.Image, Viewer]], kept: ShapeCache
+    scene: bpy.types.Scene, own: list[tuple[bpy.types.Image, Viewer]], cache: ShapeCache
 ) -> tuple[list[Picture], list[str]]:
     """An image for each viewer."""
     found: list[OwnImage] = []
     notes: list[str] = []
     for image, viewer in own:
         owner = Message("the viewer '{viewer}'", viewer=viewer.name)
-        pixels, remarks = _read(scene, image, owner, kept)
+        pixels, remarks = _read(scene, image, owner, cache)
         found.append(OwnImage(viewer.name, pixels))
         notes += remarks
         if pixels.shape[1::-1] != (viewer.width, viewer.height):
@@ -92,13 +92,13 @@ def _read_each(
 
 
 def _read(
-    scene: bpy.types.Scene, image: bpy.types.Image, owner: str, kept: ShapeCache
+    scene: bpy.types.Scene, image: bpy.types.Image, owner: str, cache: ShapeCache
 ) -> tuple[NDArray[np.float32], list[str]]:
     """The pixels of an image at the scene's frame, and notes on it."""
     frame = scene.frame_current
     tone = tone_of(scene.kiriko.picture)
-    pixels = kept.pixels(image, owner, tone, number_at(image, None, frame))
-    return pixels, about(image) + ended(image, None, frame) + kept.notes_on(image)
+    pixels = cache.pixels(image, owner, tone, number_at(image, None, frame))
+    return pixels, about(image) + ended(image, None, frame) + cache.notes_on(image)
 
 
 def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
@@ -207,7 +207,7 @@ class Reading:
 def read(
     source: bpy.types.Context | bpy.types.Depsgraph,
     scene: bpy.types.Scene | None = None,
-    kept: ShapeCache | None = None,
+    cache: ShapeCache | None = None,
 ) -> Reading:
     """Read the rig of a scene at this frame.
 
@@ -217,14 +217,14 @@ def read(
     ----------
     source : the context, or a depsgraph of the scene
     scene : the scene with the settings; None for the depsgraph's own
-    kept : cached meshes and pixels; None for an empty cache
+    cache : cached meshes and pixels; None for an empty cache
 
     Raises
     ------
     RigError : the viewer's camera or the picture plane is unusable, or a needed part is hidden
     ImageError : the picture has no pixels
     """
-    drawn = read_drawn(source, scene, kept)
+    drawn = read_drawn(source, scene, cache)
     scene = source.scene if scene is None else scene
     rig, remarks = calibrated_rig(drawn.rig, scene)
     return replace(
@@ -238,7 +238,7 @@ def read(
 def read_drawn(
     source: bpy.types.Context | bpy.types.Depsgraph,
     scene: bpy.types.Scene | None = None,
-    kept: ShapeCache | None = None,
+    cache: ShapeCache | None = None,
 ) -> Reading:
     """The rig without a calibration's offset. The viewers keep their order, since an offset's
     amounts are along the axes of the first one.
@@ -247,7 +247,7 @@ def read_drawn(
         source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
     )
     scene = depsgraph.scene if scene is None else scene
-    kept = kept or ShapeCache()
+    cache = cache or ShapeCache()
     is_image = scene.kiriko.picture_source == "IMAGE"
     needed = tuple(
         role.name
@@ -260,7 +260,7 @@ def read_drawn(
     seats = seats_of(scene)
     images = [scene.kiriko.picture_image, *(seat.image for seat in seats)] if is_image else []
     refuse_lost(find_lost(), [*(seat.camera for seat in seats), *images])
-    parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
+    parts, notes = read_parts(depsgraph, scene, metres, cache, needed)
     viewers = read_viewers(depsgraph, scene)
 
     by_role = parts_by_role(parts)
@@ -270,12 +270,12 @@ def read_drawn(
     for role in (role for role in ROLES if role.number is not None):
         found[role.field] = []
         if role.name == "PICTURE" and is_image:
-            found[role.field], remarks = _read_image(scene, viewers, by_role[role.name], kept)
+            found[role.field], remarks = _read_image(scene, viewers, by_role[role.name], cache)
             notes += remarks
             continue
 
         for part in by_role[role.name]:
-            as_read = in_blender(role.name).read(part, kept)
+            as_read = in_blender(role.name).read(part, cache)
             found[role.field].append(as_read.part)
             notes += as_read.notes
             materials += as_read.materials
@@ -333,10 +333,10 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
 
 
 def _read_image(
-    scene: bpy.types.Scene, viewers: tuple[Viewer, ...], planes: list[WorldPart], kept: ShapeCache
+    scene: bpy.types.Scene, viewers: tuple[Viewer, ...], planes: list[WorldPart], cache: ShapeCache
 ) -> tuple[list[Picture], list[str]]:
     """The picture in the viewers' own pixels, with notes, also on ignored planes."""
-    pictures, notes = read_viewer_image(scene, seats_of(scene), viewers, kept)
+    pictures, notes = read_viewer_image(scene, seats_of(scene), viewers, cache)
     unused = [
         Message("The picture plane '{name}' is ignored: the picture is an image.", name=part.name)
         for part in planes
@@ -346,8 +346,8 @@ def _read_image(
 
 def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
     """The rig with the offset from calibrations, and notes on parts it does not have."""
-    kept = Offset.read(scene.kiriko.calibration.offset).sets
-    if not kept:
+    sets = Offset.read(scene.kiriko.calibration.offset).sets
+    if not sets:
         return rig, []
 
     try:
@@ -355,7 +355,7 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
     except KirikoError:
         return rig, []  # solving reports its errors first
 
-    rig, unknown = with_offset(rig, kept)
+    rig, unknown = with_offset(rig, sets)
     notes = [
         Message(
             "The calibration's offset names '{name}', which is not in this rig. Calibrate again,"

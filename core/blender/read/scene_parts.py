@@ -1,16 +1,16 @@
 """Finds the parts of the rig among the scene's objects, by role."""
 
+import functools
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
 
 import bpy
 import numpy as np
 
 from ...base.arrays import Floats
 from ...base.errors import RigError
-from ...base.messages import Message
+from ...base.messages import Message, as_sentence
 from ...rig.rig import ROLES, Mesh
 from ..data.bodies import check_body, has_no_place, on_no_place
 from ..data.lost_data import find_lost, on_lost, placeholders_of, refuse_lost
@@ -77,14 +77,14 @@ def read_part(
     owner: bpy.types.Object,
     name: str,
     to_metres: Floats,
-    kept: ShapeCache,
+    cache: ShapeCache,
 ) -> WorldPart:
     """Triangles, materials and texture of one instance; call it before the iterator moves on."""
     shown = instance.object
-    shape = kept.shape(instance, owner)
+    shape = cache.shape(instance, owner)
     matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
     if has_no_place(instance.matrix_world):
-        raise RigError("{told}", told=on_no_place(owner.name))
+        raise RigError(on_no_place(owner.name))
     mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
 
     return WorldPart(
@@ -109,7 +109,7 @@ def shown_parts(
     is_left_out = is_left_out or elsewhere(scene)
     shown = VisibleObjects(scene, depsgraph.view_layer)
     # cached, since one object may make thousands of instances
-    is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))
+    is_hidden = functools.cache(lambda thing: bool(shown.hidden_by(thing)))
 
     for instance in depsgraph.object_instances:
         owner = role_owner(instance)
@@ -132,7 +132,7 @@ def read_parts(
     depsgraph: bpy.types.Depsgraph,
     scene: bpy.types.Scene,
     metres: float,
-    kept: ShapeCache,
+    cache: ShapeCache,
     needed: tuple[str, ...] = (),
     is_left_out: LeftOut | None = None,
 ) -> tuple[list[WorldPart], list[str]]:
@@ -145,31 +145,31 @@ def read_parts(
     """
     to_metres = np.diag([metres, metres, metres, 1.0])
     parts: list[WorldPart] = []
-    met: set[bpy.types.Object] = set()
+    found: set[bpy.types.Object] = set()
     counts: Counter[str] = Counter()
     is_left_out = is_left_out or elsewhere(scene)
     lost = find_lost()
 
     for instance, owner in shown_parts(depsgraph, scene, is_left_out):
-        met.add(owner)
+        found.add(owner)
         refuse_lost(lost, [owner])
         check_body(owner)
 
         if instance.object.type == "MESH":
-            part = read_part(instance, owner, part_name(instance, counts), to_metres, kept)
+            part = read_part(instance, owner, part_name(instance, counts), to_metres, cache)
             parts.append(replace(part, frame=scene.frame_current))
 
-    kept.end()
-    parts = without_hollows(parts, met)
-    unmet = unmet_parts(met, scene, depsgraph.view_layer, is_left_out)
+    cache.end()
+    parts = without_hollows(parts, found)
+    hidden = unmet_parts(found, scene, depsgraph.view_layer, is_left_out)
     placeholders = placeholders_of(scene) if lost else []
     for role in needed:
-        check_some_are_shown(role, parts, unmet)
+        check_some_are_shown(role, parts, hidden)
     if any(role.remedy for role in ROLES if role.name in {*needed} - {one.role for one in parts}):
         refuse_lost(lost, placeholders)
 
     notes = [text for text, _ in on_lost(lost, placeholders)]
-    return parts, notes_on_parts(parts, met, unmet, scene) + notes
+    return parts, notes_on_parts(parts, found, hidden, scene) + notes
 
 
 def parts_by_role(
@@ -216,7 +216,7 @@ def check_some_are_shown(
     """Raise RigError for the first object of a role whose objects are all hidden."""
     hidden = [(thing, by) for thing, by in unmet.items() if by and thing.kiriko.role == role]
     if hidden and not any(part.role == role for part in parts):
-        raise RigError("{phrase}.", phrase=hidden_words(*hidden[0]))
+        raise RigError(as_sentence(hidden_words(*hidden[0])))
 
 
 def hidden_words(thing: bpy.types.Object, by: str) -> str:

@@ -176,8 +176,8 @@ class ShapeCache:
 
     def fingerprint_of(self, pixels: NDArray[np.float32]) -> str:
         """Fingerprint of read pixels; cached while they are the same array."""
-        known = (one for one in self._pixels.values() if one.pixels is pixels)
-        one = next(known, None)
+        matching = (one for one in self._pixels.values() if one.pixels is pixels)
+        one = next(matching, None)
         return fingerprint(pixels) if one is None else one.fingerprint
 
     def end(self) -> None:

@@ -24,13 +24,13 @@ class _Unplaced:
     recorded.
     """
 
-    def __init__(self, kept: ShapeCache) -> None:
-        self.end, self.pixels, self.notes_on = kept.end, kept.pixels, kept.notes_on
-        self._kept = kept
+    def __init__(self, cache: ShapeCache) -> None:
+        self.end, self.pixels, self.notes_on = cache.end, cache.pixels, cache.notes_on
+        self._cache = cache
         self.drawn: dict[int, tuple[Mesh, Shape, Floats]] = {}
 
     def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Any:
-        return _Unmoved(self._kept.shape(instance, owner), self)
+        return _Unmoved(self._cache.shape(instance, owner), self)
 
 
 class _Unmoved:
@@ -59,21 +59,21 @@ def scene_now(
     depsgraph: bpy.types.Depsgraph,
     scene: bpy.types.Scene,
     settings: Settings,
-    kept: ShapeCache | None = None,
+    cache: ShapeCache | None = None,
     has_pixels: bool = True,
 ) -> SolvedFor:
     """The fingerprint for a solve of the present scene; raises as `scene.read` does.
 
     has_pixels : include the picture's pixels, not only its place
     """
-    kept = kept or ShapeCache()
-    notes = _Unplaced(kept)
+    cache = cache or ShapeCache()
+    notes = _Unplaced(cache)
     drawn = read_drawn(depsgraph, scene, notes)
     offset = scene.kiriko.calibration.offset
     rig = drawn.rig if offset else _in_any_order(drawn.rig)
     if not has_pixels:
         rig = replace(rig, pictures=tuple(one.place for one in rig.pictures))
-    things = [_thing(part, notes, kept) for _, part in rig.parts()]
+    things = [_thing(part, notes, cache) for _, part in rig.parts()]
     return solved_for(things, (settings, offset))
 
 
@@ -94,14 +94,14 @@ def _place_of(viewer: Viewer) -> Floats:
     return np.column_stack([viewer.axes.T, viewer.position])
 
 
-def _thing(part: Any, notes: _Unplaced, kept: ShapeCache) -> tuple[object, Floats]:
+def _thing(part: Any, notes: _Unplaced, cache: ShapeCache) -> tuple[object, Floats]:
     """A part's content, with fingerprints for large arrays, and its place (3, 4)."""
     if hasattr(part, "axes"):  # a viewer
         content = fields_of(part, {"name", "axes", "position"})
         return content, _place_of(part)
 
     if isinstance(part, Picture):
-        first, *others = map(kept.fingerprint_of, part.images)
+        first, *others = map(cache.fingerprint_of, part.images)
         part = replace(part, image=first, own=tuple(others))
     # a picture in the viewer's pixels, or an empty mesh
     if part.mesh is None or id(part.mesh) not in notes.drawn:
