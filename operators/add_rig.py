@@ -1,4 +1,4 @@
-"""Add rig: plate, display, picture and viewer around the selected glass, or around a new ball."""
+"""Add Rig: display, picture, viewer and perhaps a plate around the selected glass or a new ball."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -35,17 +35,16 @@ from . import automatic, compared, framing, live, long_work, look_through, neede
 from .remedies import legible
 from .telling import in_words
 
-ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
-# times the picture: a display whose shorter side is longer by itself is worth a sentence
+ROOM = 1.01  # margin of a display around the outermost traced light
+# width in pictures from which a display is worth a sentence
 WIDE = 2
-# share of the picture: where more goes beside or through
-# gaps in the glass, the display is no matter
+# lost share of the picture from which the size of the display does not matter
 BESIDE = 0.5
-CUT = 0.01  # share of the picture that a limit of the display has to cost to be worth a sentence
-SMALLER = 0.7  # of a display's width: it has to save as much to be proposed
+CUT = 0.01  # share of the picture lost at Display Limit, worth a sentence
+SMALLER = 0.7  # of a display's width: a smaller display is proposed only below this
 
 
-_taken: automatic.Taken = {}  # of the last rig
+_taken: automatic.Taken = {}  # automatic lengths of the last rig
 
 KINDS = (
     (
@@ -59,9 +58,9 @@ KINDS = (
         "No plate: the viewer sees a phone or another display straight through the active glass",
     ),
 )
-# properties that only one kind of rig has
+# properties of one kind of rig
 OF_KIND = {"tilt": "IN_GLASS", "plate_size": "IN_GLASS", "look_down": "BEHIND_GLASS"}
-# the box at the lower left of the view, in groups
+# groups of properties in the operator's panel
 GROUPS = (
     ("Glass", ("distance", "tilt", "plate_size", "picture_size")),
     ("Viewer", ("viewer_distance", "azimuth", "look_down", "field", "viewer_resolution")),
@@ -81,14 +80,12 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     )
     distance: automatic.length(
         "Distance",
-        "From the glass's centre to the plate's; 0: 0.15 m, or more for large glass. Without a"
-        " plate, from the glass's back to the display; 0: as far as the glass is deep, or none for"
-        " a display that lies",
+        "Distance from the glass to the plate, or to the display without a plate. 0 = automatic",
     )
     look_down: bpy.props.FloatProperty(
         name="Look Down",
-        description="How steeply the viewer looks down, where there is no plate: from 45 degrees on"
-        " the display lies flat, and the glass on it",
+        description="Angle of the view from above. From 45 degrees on the display lies flat under"
+        " the glass",
         subtype="ANGLE",
         default=0.0,
         min=0.0,
@@ -96,39 +93,40 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     )
     tilt: bpy.props.FloatProperty(
         name="Tilt",
-        description="Angle between plate and horizontal; at 45 degrees the display lies"
-        " straight below the plate",
+        description="Angle between plate and horizontal. At 45 degrees the display is right below",
         subtype="ANGLE",
         default=np.pi / 4,
         min=np.radians(5),
         max=np.radians(85),
     )
     picture_size: automatic.length(
-        "Picture", "Side of the picture; 0: as large as gets through, up to half of the glass"
+        "Picture", "Width of the picture. 0 = as large as fits, up to half of the glass"
     )
     viewer_distance: automatic.length(
-        "Viewer Distance", "From the glass's centre to the viewer; 0: 1 m, or more for large glass"
+        "Viewer Distance", "Distance from the glass to the viewer. 0 = 1 m, or more for large glass"
     )
     azimuth: bpy.props.FloatProperty(
         name="Azimuth",
-        description="How far the viewer goes round the glass; at 0 it looks along +Y",
+        description="Direction of the viewer around the glass. At 0 it looks along +Y",
         subtype="ANGLE",
         default=0.0,
     )
-    field: automatic.length("Field", "Width the viewer sees at the glass; 0: as wide as the glass")
+    field: automatic.length("Field", "Width of the view at the glass. 0 = as wide as the glass")
     viewer_resolution: bpy.props.IntProperty(
         name="Viewer Resolution",
-        description="Pixels a side of the viewer's image; 0: those of the scene's render",
+        description="Pixels along each side of the viewer's image. 0 = the render's resolution",
         default=512,
         min=0,
         max=16384,
     )
-    plate_size: automatic.length("Plate", "Side of the plate; 0: 0.488 m, or more for large glass")
+    plate_size: automatic.length(
+        "Plate", "Width of the plate. 0 = 0.488 m, or more for large glass"
+    )
     display_size: automatic.length(
-        "Display", "Width of the display; 0: large enough for every ray that carries the picture"
+        "Display", "Width of the display. 0 = large enough for the whole picture"
     )
     max_display_size: automatic.length(
-        "Display Limit", "Widest automatic display; 0: its shorter side is ten times the picture"
+        "Display Limit", "Largest automatic width. 0 = ten pictures along the shorter side"
     )
     display_resolution: bpy.props.IntVectorProperty(
         name="Display Resolution",
@@ -164,7 +162,9 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
                     self._draw_one(column, context, name)
 
     def _draw_one(self, column: bpy.types.UILayout, context: bpy.types.Context, name: str) -> None:
-        """A property; a length with its checkbox, and the length taken while that is on."""
+        """Draw a property; a length with its checkbox, and with the automatic length while that
+        is on.
+        """
         if f"auto_{name}" not in self.rna_type.properties:
             column.prop(self, name)
             return
@@ -196,11 +196,10 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         steps = settle(request, proposal, lambda rig: work.session().plan(rig, settings))
         try:
             proposal, spread = yield from subprogress(steps, 0.05, 0.9)
-        except InsideGlassError as error:  # which names a camera that is not made yet
+        except InsideGlassError as error:  # it names a camera that does not exist yet
             name = error.message.values["glass"]
             raise RigError(
-                "With a Viewer Distance of {distance} the viewer would be inside {glass}: choose a"
-                " longer one.",
+                "At a Viewer Distance of {distance} the viewer is inside {glass}. Increase it.",
                 distance=length_text(scene, proposal.viewer_distance),
                 glass=Message("the glass '{name}'", name=name) if glasses else Message("the ball"),
             ) from None
@@ -208,7 +207,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         aspect = pixels[0] / pixels[1]
         limit = 0.0 if self.display_size else proposal.display
         needed = ROOM * spread.width(aspect)
-        if needed and is_straight:  # a display is no smaller than its picture
+        if needed and is_straight:  # a display is at least as large as its picture
             needed = max(needed, ROOM * proposal.picture * max(aspect, 1.0))
         if needed and limit:
             proposal = replace(proposal, display=min(needed, limit))
@@ -239,9 +238,9 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
 
 
 def _remember(proposal: Proposal, bench: RigSite, limit: float, metres: float) -> None:
-    """Keep the lengths of a new rig, for the checkboxes of the next one.
+    """Store the lengths of a new rig for the checkboxes of the next one.
 
-    limit : m, of a display that is as wide as it has to be; 0 where its width was given
+    limit : m, Display Limit; 0 if the width was given
     """
     plate = proposal.placement.plate
     lengths = {
@@ -260,7 +259,7 @@ def _remember(proposal: Proposal, bench: RigSite, limit: float, metres: float) -
 
 
 def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
-    """The operator's properties, whose lengths are in Blender units."""
+    """The operator's properties, converted from Blender units."""
     return Wishes(
         distance=asked.distance * metres,
         tilt=asked.tilt,
@@ -279,16 +278,15 @@ def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
 def _refuse_second(
     scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...], is_straight: bool
 ) -> None:
-    """Raise RigError for glass that a rig has already, and for a part in no rig, which each
-    has: of those that a rig has one of, and a plate where light goes straight.
+    """Raise RigError if a glass is in a rig already, or a part outside all rigs would be a
+    second one.
     """
     holders = rigs_of(scene)
     for thing in glasses:
         rig = None if is_copy(scene, thing) else rig_of(scene, thing)
         if thing.kiriko.role != "NONE" and rig is not None and has_roles(rig):
             raise RigError(
-                "'{name}' is in the rig '{rig}' already: select other glass, or remove that rig"
-                " first.",
+                "'{name}' is already in the rig '{rig}'. Select other glass, or remove the rig.",
                 name=thing.name,
                 rig=rig.name,
             )
@@ -299,7 +297,7 @@ def _refuse_second(
             continue
         for thing in found.get(role.name, ()):
             raise RigError(
-                "The scene has a {role} already ('{name}'): {remedy} first.",
+                "The scene already has a {role} ('{name}'): {remedy} first.",
                 role=role.noun,
                 name=thing.name,
                 remedy=Message("move it into its rig's collection")
@@ -311,13 +309,13 @@ def _refuse_second(
 def _on_display(
     scene: bpy.types.Scene, proposal: Proposal, limit: float, spread: Spread, aspect: float
 ) -> tuple[str, float]:
-    """How large the display is, how much of the picture it shows, and why it is as large as it is;
-    and its longest side, m, for MOST of the light, where it is much shorter, else 0.
+    """A report on the display's size and the picture's visible share; and the longest side, m, of a
+    much smaller display for MOST of the light, else 0.
 
-    limit : m, of a display that is as wide as it has to be; 0 where its width was given
+    limit : m, Display Limit; 0 if the width was given
     """
     width, lost = length_text(scene, proposal.display), spread.unseen
-    text = Message("The display, {width} wide, takes all the light of the picture.", width=width)
+    text = Message("The whole picture fits on the display ({width} wide).", width=width)
     if listed(lost):
         display = Message("The display, {width} wide,", width=width)
         text = summary(1 - sum(lost.values()), lost, display)
@@ -327,7 +325,7 @@ def _on_display(
 
     if lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
         return Message(
-            "{text} The viewer sees most of the picture beside the glass: move it, or turn"
+            "{text} Most of the picture is next to the glass for the viewer: move it, or rotate"
             " the glass.",
             text=text,
         ), 0.0
@@ -339,7 +337,7 @@ def _on_display(
 
     times = proposal.display / proposal.picture
     why = Message(
-        "It is {times} times as wide as the picture, because light of {part} spreads that far",
+        "It is {times} times as wide as the picture because of light from {part}",
         times=number(times),
         part=spread.outermost(aspect),
     )
@@ -348,7 +346,7 @@ def _on_display(
     if is_cut:
         part = part_of_picture(spread.beside, spread.beside_weight)
         why = Message(
-            "Light of {part} lands outside Display Limit, {limit}",
+            "Light from {part} lands outside the Display Limit of {limit}",
             part=part,
             limit=length_text(scene, limit),
         )
@@ -361,7 +359,7 @@ def _on_display(
         share = percent(MOST * (1 - sum(lost.values())))
         remedies.append(
             Message(
-                "set Display to {width}, which would show {share}",
+                "set Display to {width}, for {share}",
                 width=length_text(scene, smaller),
                 share=share,
             )
@@ -383,7 +381,7 @@ def _tell(
     for_most: float,
     numbers: dict[str, Any],
 ) -> None:
-    """Write the panel's lines, and the numbers that are known by now."""
+    """Write the panel's lines and the first numbers."""
     result = rig.kiriko.result
     result.summary, result.for_most = text, for_most
     result.notes = "\n".join(map(one_line, remarks))
@@ -394,7 +392,7 @@ def _tell(
 def _show(
     context: bpy.types.Context, rig: bpy.types.Collection, glasses: tuple[bpy.types.Object, ...]
 ) -> None:
-    """Select the part whose settings come next, and frame the rig."""
+    """Select the part to set up next, and frame the rig."""
     framing.select(context, _next_to_set(rig, glasses))
     for screen, changes in framing.frame_rig(context):
         for path, before, after in changes:
@@ -405,19 +403,17 @@ def _show(
 def _next_to_set(
     rig: bpy.types.Collection, glasses: tuple[bpy.types.Object, ...]
 ) -> tuple[bpy.types.Object, ...]:
-    """The glass of a rig with a plate. Without one the display, whose product people choose first,
-    as most use a phone of theirs.
-    """
+    """The glass of a rig with a plate, else the display: most people choose its product first."""
     parts = {thing.kiriko.role: thing for thing in rig.all_objects}
     return glasses if "PLATE" in parts else (parts["DISPLAY"],)
 
 
 def _on_materials(bench: RigSite) -> list[str]:
-    """A sentence on each glass whose material does not refract."""
+    """A sentence on each opaque glass."""
     return [
         Message(
-            "The material of '{name}' does not refract, so that an index of {ior} is used:"
-            " {remedy}, or set Override IOR.",
+            "The material of '{name}' isn't glass, so an index of {ior} is assumed: {remedy}, or"
+            " set Override IOR.",
             name=thing.name,
             ior=DEFAULT_IOR,
             remedy=_remedy(thing),
@@ -427,16 +423,16 @@ def _on_materials(bench: RigSite) -> list[str]:
 
 
 def _remedy(thing: bpy.types.Object) -> Message:
-    """What to do about an object whose material does not refract."""
+    """The remedy for opaque glass."""
     if not has_own_faces(bpy.context.scene, thing):
         return Message("give its objects glass")
     if not has_place(thing):
-        return Message("give it glass in the file that it is linked from")
+        return Message("change it in the linked file")
     return Message("press Make It Glass")
 
 
 def _on_camera(scene: bpy.types.Scene) -> list[str]:
-    """A sentence where the camera that Blender shows and renders is another than the viewer."""
+    """A sentence if the scene's camera is not the viewer."""
     camera = scene.camera
     viewer = scene.kiriko.viewer
     if camera == viewer:
@@ -444,9 +440,7 @@ def _on_camera(scene: bpy.types.Scene) -> list[str]:
 
     return [
         Message(
-            "Numpad 0 still shows '{camera}': press Look Through Viewer to look through"
-            " '{viewer}'.",
+            "Numpad 0 still shows '{camera}'. Use Look Through Viewer for Kiriko's view.",
             camera=camera.name,
-            viewer=viewer.name,
         )
     ]

@@ -85,8 +85,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
             names = quoted(thing.name for thing in things)
             result = context.scene.kiriko.result
             told = tuple(
-                Message("The material of '{name}' does not refract", name=thing.name)
-                for thing in things
+                Message("The material of '{name}' isn't glass", name=thing.name) for thing in things
             )
             result.notes = "\n".join(
                 note for note in result.notes.splitlines() if not note.startswith(told)

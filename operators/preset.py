@@ -1,4 +1,4 @@
-"""Products that can be bought: make a part one of them; and the material of a plate of mirrors."""
+"""Products of the catalogue for parts, and Cycles materials of mirror array plates."""
 
 from itertools import groupby
 from pathlib import Path
@@ -86,7 +86,7 @@ PLATE_TIPS = {
 
 
 class KIRIKO_OT_plate_preset(GivesProduct, bpy.types.Operator):
-    """Make the active plate one that can be bought: its mirrors and its size, about its middle"""
+    """Use a real product's mirrors and size for the plate"""
 
     bl_idname = "kiriko.plate_preset"
     bl_label = "Plate Preset"
@@ -94,7 +94,7 @@ class KIRIKO_OT_plate_preset(GivesProduct, bpy.types.Operator):
 
     preset: bpy.props.EnumProperty(
         name="Preset",
-        description="The plate whose mirrors and size the active one gets",
+        description="Real product",
         items=[(name, name, tip) for name, tip in PLATE_TIPS.items()],
     )
 
@@ -129,7 +129,7 @@ def _items() -> list[tuple[str, str, str]]:
 
 
 class KIRIKO_OT_display_preset(GivesProduct, bpy.types.Operator):
-    """Make the active display one that can be bought: its pixels and its size, about its middle"""
+    """Use a real product's resolution and size for the display"""
 
     bl_idname = "kiriko.display_preset"
     bl_label = "Display Preset"
@@ -137,13 +137,13 @@ class KIRIKO_OT_display_preset(GivesProduct, bpy.types.Operator):
 
     preset: bpy.props.EnumProperty(
         name="Preset",
-        description="The display whose pixels and size the active one gets",
+        description="Real product",
         items=_items(),
         default=next(iter(DISPLAYS)),
     )
     is_upright: bpy.props.BoolProperty(
         name="Upright",
-        description="Stand it on its shorter side, as a phone is held",
+        description="Portrait orientation, as a phone is held",
         default=False,
     )
 
@@ -160,7 +160,7 @@ GLASS_TIPS = {
 
 
 class KIRIKO_OT_glass_preset(GivesProduct, bpy.types.Operator):
-    """Give the selected glass an index by name: in its material, or else as its Override IOR"""
+    """Use a real material's index for the glass"""
 
     bl_idname = "kiriko.glass_preset"
     bl_label = "Glass Preset"
@@ -168,7 +168,7 @@ class KIRIKO_OT_glass_preset(GivesProduct, bpy.types.Operator):
 
     preset: bpy.props.EnumProperty(
         name="Preset",
-        description="The material whose index of refraction the selected glass gets",
+        description="Real product",
         items=[(name, name, tip) for name, tip in GLASS_TIPS.items()],
     )
 
@@ -198,17 +198,17 @@ class KIRIKO_OT_glass_preset(GivesProduct, bpy.types.Operator):
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
 FILE = FOLDER / "kiriko_plate.blend"
-# by it a material of ours is known, whatever its name: the layout of its mirrors
+# layout of the mirrors, a mark of Kiriko's materials
 MARK = "kiriko_plate"
-UNIT = "kiriko_unit"  # m: of a Blender unit, when the material came into the file
+UNIT = "kiriko_unit"  # m: length of a Blender unit when the material was added
 NAMES = {"crossed": "Kiriko Plate", "holes": "Kiriko Plate DCRA", "radial": "Kiriko Plate Radial"}
 SIZE = 0.488  # m, of a new plane
 
 
 def _material(layout: str, metres: float) -> bpy.types.Material:
-    """The plate's material: the one in the file already, else appended.
+    """The plate's material, from this file or appended.
 
-    A Blender unit is `metres` long.
+    metres : length of a Blender unit
     """
     for material in bpy.data.materials:
         if (
@@ -229,9 +229,7 @@ def _material(layout: str, metres: float) -> bpy.types.Material:
 
     (material,) = wanted.materials
     if material is None:
-        raise RigError(
-            "The file {file} has no material '{name}': install Kiriko again.", file=FILE, name=name
-        )
+        raise RigError("The file {file} is missing or broken: install Kiriko again.", file=FILE)
 
     material.asset_clear()
     material.use_fake_user = False
@@ -244,8 +242,8 @@ def _material(layout: str, metres: float) -> bpy.types.Material:
 
 
 def _own_material(thing: bpy.types.Object, metres: float) -> bpy.types.Material | None:
-    """A material with the mirrors that a plate of a rig
-    has by its settings; None where it has none.
+    """A material with the mirrors set for a plate of a rig; None for other objects and ideal
+    plates.
     """
     if thing.kiriko.role != "PLATE" or thing.kiriko.plate.model == "IDEAL":
         return None
@@ -258,12 +256,12 @@ def _is_flat(mesh: bpy.types.Mesh) -> bool:
     places = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", places)
     places = places.reshape(-1, 3).astype(float)
-    size = np.linalg.eigvalsh(np.cov(places, rowvar=False))  # squares of it, the least first
+    size = np.linalg.eigvalsh(np.cov(places, rowvar=False))  # squared, ascending
     return bool(size[0] <= PLATE_FLATNESS**2 * size[2])
 
 
 class KIRIKO_OT_add_plate_material(bpy.types.Operator):
-    """Make the active flat mesh, or a new plane, a mirror array plate that Cycles renders"""
+    """Give the active flat mesh, or a new plane, the mirrors of a plate, for renders in Cycles"""
 
     bl_idname = "kiriko.add_plate_material"
     bl_label = "Add Plate Material"
@@ -271,7 +269,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
 
     layout: bpy.props.EnumProperty(
         name="Mirrors",
-        description="How the plate's mirrors stand",
+        description="Arrangement of the plate's mirrors",
         items=(
             (
                 "crossed",
@@ -282,7 +280,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
             (
                 "radial",
                 "Radial Holes",
-                "Square holes, turned round the object's origin (radially arranged DCRA)",
+                "Square holes around the object's origin (radially arranged DCRA)",
             ),
         ),
     )
@@ -318,7 +316,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
                 self,
                 "WARNING",
                 Message(
-                    "'{material}' is seen in Cycles only: choose it as the render engine.",
+                    "'{material}' is only visible in Cycles. Choose it as the render engine.",
                     material=material.name,
                 ),
             )
@@ -327,7 +325,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
                 self,
                 "INFO",
                 Message(
-                    "'{name}' is a plate by its material '{material}'.",
+                    "'{name}' is now a plate, with the material '{material}'.",
                     name=thing.name,
                     material=material.name,
                 ),
@@ -343,19 +341,19 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
 
         if not len(thing.data.polygons):
             raise MeshError(
-                "'{name}' has no faces: give it some, or deselect it for a new plane.",
+                "'{name}' has no faces. Add some, or deselect it for a new plane.",
                 name=thing.name,
             )
 
         if not _is_flat(thing.data):
             raise MeshError(
-                "'{name}' is not flat, as a plate has to be: deselect it for a new plane.",
+                "'{name}' is not flat. Deselect it for a new plane.",
                 name=thing.name,
             )
 
 
 def library_path() -> str:
-    """Where Blender's asset libraries have the folder already; empty where they do not."""
+    """The folder's path among Blender's asset libraries; '' if it is not there."""
     for library in bpy.context.preferences.filepaths.asset_libraries:
         if library.path and Path(bpy.path.abspath(library.path)).resolve() == FOLDER:
             return library.path
@@ -363,10 +361,7 @@ def library_path() -> str:
 
 
 def libraries_page() -> str:
-    """The page of the preferences that has the asset libraries.
-
-    Up to 4.5 they are among the file paths.
-    """
+    """The preferences page with the asset libraries; up to 4.5 it is File Paths."""
     pages = bpy.types.Preferences.bl_rna.properties["active_section"].enum_items
     return pages.get("ASSETS", pages["FILE_PATHS"]).name
 
@@ -380,7 +375,7 @@ class KIRIKO_OT_add_asset_library(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(
-            cls, [Message("Kiriko is among your asset libraries already")] if library_path() else []
+            cls, [Message("Kiriko is already among your asset libraries")] if library_path() else []
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -388,7 +383,7 @@ class KIRIKO_OT_add_asset_library(bpy.types.Operator):
             telling.report(
                 self,
                 "ERROR",
-                Message("The file {file} is missing: install Kiriko again.", file=FILE),
+                Message("The file {file} is missing or broken: install Kiriko again.", file=FILE),
             )
             return {"CANCELLED"}
 

@@ -33,7 +33,7 @@ SAMPLES = {
     "by": " in viewports", "where": "left of it", "place": "no file", "hint": "",
     "error": "0.12", "thing": "a coarse source image", "button": "Solve", "work": "Solve",
     "state": "the scene is as it was",
-    "text": "The display, 300 mm wide, takes all the light of the picture.", "label": "Diffuse",
+    "text": "The whole picture fits on the display (300 mm wide).", "label": "Diffuse",
     "squeezed": "squeezed to 80 % of its width", "size": "4 x 4", "phrase": "reading the scene",
     "article": "a", "suffix": ".tif", "preset": "ASKA3D-488", "ignored": "Base Color",
     "stop": "Esc stops", "part0": "", "points": "(1, 2), (3, 4)", "problems": "points seem swapped",

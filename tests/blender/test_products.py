@@ -46,7 +46,7 @@ def test_what_add_rig_told_of_another_display_is_told_no_more(scene):
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
     display = next(thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
     activate(display)
-    assert "wide, takes all the light" in scene.kiriko.result.summary
+    assert "whole picture fits" in scene.kiriko.result.summary
     assert bpy.ops.kiriko.display_preset(preset="iPhone 15") == {"FINISHED"}
     assert scene.kiriko.result.summary == ""
 

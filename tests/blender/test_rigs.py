@@ -357,7 +357,7 @@ def test_glass_of_a_rig_gets_no_second_one(scene: bpy.types.Scene) -> None:
     """By a second press, say; nothing is changed."""
     add(cube())
     before = snapshot()
-    with pytest.raises(RuntimeError, match="'Cube' is in the rig 'Kiriko Rig' already"):
+    with pytest.raises(RuntimeError, match="'Cube' is already in the rig 'Kiriko Rig'"):
         add(scene.objects["Cube"])
     assert differences(before, snapshot()) == []
 
