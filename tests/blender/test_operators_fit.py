@@ -135,9 +135,7 @@ def test_what_is_held_says_so(scene):
     display.location.x += 0.004
     display.lock_location[0] = True
     before = corners(display)
-    with pytest.raises(
-        RuntimeError, match="keeps its size, for its location or rotation is locked"
-    ):
+    with pytest.raises(RuntimeError, match="keeps its size, for its transform is locked"):
         bpy.ops.kiriko.fit_display(move=True)
     assert (corners(display) == before).all()
 

@@ -133,7 +133,7 @@ def test_others_of_the_mesh_and_children_stay(scene):
         ("animated", "it is animated"),
         ("driven", "it is animated"),
         ("constraint", "a constraint or a driver holds it"),
-        ("locked", "its scale is locked"),
+        ("locked", "its transform is locked"),
         ("no width", "it has no size"),
         ("turned", "its mesh is rotated in the object and not square"),
         ("instance", "it is an instance"),

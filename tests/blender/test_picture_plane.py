@@ -221,7 +221,7 @@ def test_what_hangs_on_the_plane_stays(scene):
     ("way", "reason"),
     [
         ("animated", "it is animated"),
-        ("locked", "its scale is locked"),
+        ("locked", "its transform is locked"),
         ("turned", "its mesh is rotated in the object (scale it in Edit Mode)"),
         ("bent", "its UV map is not one rectangle"),
         ("no UV", "it has no UV map"),

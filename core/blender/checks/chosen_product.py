@@ -151,16 +151,14 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
     """Give glasses the index of a product: in their materials if no other object uses them and
     their index is a plain number, else as an override.
     """
-    reasons = {thing: _why_override(thing, glasses) for thing in glasses}
+    by_override = {thing: _needs_override(thing, glasses) for thing in glasses}
     given = []
 
-    for thing, why in reasons.items():
+    for thing, is_override in by_override.items():
         names = {"glass": thing.name, "preset": as_message(product.name), "ior": f"{product.ior:g}"}
-        if why:
+        if is_override:
             thing.kiriko.use_ior, thing.kiriko.ior = True, product.ior
-            text = Message(
-                "'{glass}' is now {preset}: Override IOR is {ior} because {why}.", **names, why=why
-            )
+            text = Message("'{glass}' is now {preset}: its Override IOR is {ior}.", **names)
         else:
             shown = materials_as_shown(bpy.context.scene, thing)
             materials = [m for m in shown if _index_of(m) is not None]
@@ -202,30 +200,27 @@ def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
     return next(near, None)
 
 
-def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -> str:
-    """Clause on why the materials cannot give a glass its index; '' if they can."""
+def _needs_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -> bool:
+    """Whether materials cannot give a glass its index: the override is on already, none refracts,
+    or one is linked, has other users or an index set by nodes.
+    """
     if glass.kiriko.use_ior:
-        return Message("it was on already")
+        return True
 
     shown = materials_as_shown(bpy.context.scene, glass)
     materials = [m for m in shown if read_refraction(m) is not None]
-    if not shown and shows_instances_alone(evaluated(bpy.context.scene, glass)):
-        return Message("it only shows other objects")
     if not materials:
-        return Message("its material does not refract")
+        return True
 
     parts = [part for thing in chosen for part in (thing.data, *_nodes_of(thing)) if part]
     own = {*chosen, *(part for part in parts if part.users == 1)}
-    for material in materials:
-        socket = _index_of(material)
-        if socket is None or material.node_tree.animation_data is not None:
-            return Message("nodes set the IOR of its material '{name}'", name=material.name)
-        if not material.is_editable:
-            return Message("its material '{name}' is linked from another file", name=material.name)
-        if bpy.data.user_map(subset=[material])[material] - own:
-            return Message("other objects also use its material '{name}'", name=material.name)
-
-    return ""
+    return any(
+        _index_of(material) is None
+        or material.node_tree.animation_data is not None
+        or not material.is_editable
+        or bool(bpy.data.user_map(subset=[material])[material] - own)
+        for material in materials
+    )
 
 
 def _nodes_of(thing: bpy.types.Object) -> list[bpy.types.NodeTree | None]:

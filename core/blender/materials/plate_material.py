@@ -81,33 +81,33 @@ class Input(NamedTuple):
 _MMAP = MirrorArray()
 PLATE_INPUTS = (
     Input("Pitch", "DISTANCE", _MMAP.pitch, 1e-9, 1e3,
-    "From mirror to mirror; larger ones blur the image"),
+    "Distance between mirrors; a larger one blurs the image"),
     Input("Height", "DISTANCE", _MMAP.height, 0.0, 1e3,
-    "Of the mirrors in one layer; high ones image steep light"),
+    "Height of one layer's mirrors; high ones image steep light"),
     Input("IOR", "NONE", _MMAP.ior, 1.0, 100.0,
     "Index of refraction of the glass between the mirrors"),
     Input("Reflectance", "FACTOR", _MMAP.reflectance, 0.0, 1.0,
-    "Of a mirror; each reflection dims light by it"),
+    "Fraction of light left after each reflection"),
     Input(
         "Crossing Error", "ANGLE", 0.0, -MOST_CROSSING_ERROR, MOST_CROSSING_ERROR,
-        "By which the layers are crossed at more than 90 degrees; it blurs the image",
+        "Deviation of the layers from 90 degrees, which blurs the image",
     ),
     Input("Phase 1", "NONE", 0.0, -1.0, 1.0,
-    "In pitches, by which the first mirrors stand beside the origin"),
+    "Offset of the first mirrors from the origin, in pitches"),
     Input("Phase 2", "NONE", 0.0, -1.0, 1.0,
-    "In pitches, by which the second mirrors stand beside the origin"),
+    "Offset of the second mirrors from the origin, in pitches"),
     Input("Fresnel", "FACTOR", 1.0, 0.0, 1.0,
-    "1: the plate's two faces reflect as glass does; 0: they do not"),
+    "Reflections at the plate's two faces; 1 = as of glass, 0 = none"),
 )  # fmt: skip
 LIGHT_INPUTS = (
-    Input("Image", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of the mid-air image"),
+    Input("Image", "FACTOR", 1.0, 0.0, 1.0, "Visibility of the mid-air image"),
     Input(
         "Stray 1",
         "FACTOR",
         1.0,
         0.0,
         1.0,
-        "How much is seen of the light that only the first mirrors turn round",
+        "Visibility of light reflected only by the first mirrors",
     ),
     Input(
         "Stray 2",
@@ -115,14 +115,10 @@ LIGHT_INPUTS = (
         1.0,
         0.0,
         1.0,
-        "How much is seen of the light that only the second mirrors turn round",
+        "Visibility of light reflected only by the second mirrors",
     ),
-    Input(
-        "Through", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what is straight behind the plate"
-    ),
-    Input(
-        "Reflected", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what the plate's face reflects"
-    ),
+    Input("Through", "FACTOR", 1.0, 0.0, 1.0, "Visibility of objects straight behind the plate"),
+    Input("Reflected", "FACTOR", 1.0, 0.0, 1.0, "Visibility of reflections at the plate's face"),
 )
 
 
@@ -324,7 +320,7 @@ def plate_group(layout: str) -> bpy.types.NodeTree:
     tree = bpy.data.node_groups.new(_PLATE_GROUPS[layout], "ShaderNodeTree")
     tree.interface.new_socket("Plate", in_out="OUTPUT", socket_type="NodeSocketShader")
     panel = tree.interface.new_panel(
-        "Light", description="Which light is seen: switch stray light off here"
+        "Light", description="Visible kinds of light; turn stray light off here"
     )
     inputs = [i for i in PLATE_INPUTS if layout == "crossed" or i.name != "Crossing Error"]
     for wanted, parent in (*((i, None) for i in inputs), *((i, panel) for i in LIGHT_INPUTS)):

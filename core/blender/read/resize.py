@@ -101,7 +101,7 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
     if is_animated(thing):
         raise RigError("it is animated")
     if any((*thing.lock_location, *thing.lock_rotation)):
-        raise RigError("its location or rotation is locked")
+        raise RigError("its transform is locked")
 
     context.view_layer.update()
     before = thing.matrix_basis.copy(), thing.matrix_parent_inverse.copy()
@@ -204,7 +204,7 @@ def refuse_held(thing: bpy.types.Object) -> None:
     if is_animated(thing):
         raise RigError("it is animated")
     if any(thing.lock_scale):
-        raise RigError("its scale is locked")
+        raise RigError("its transform is locked")
 
 
 def _points(context: bpy.types.Context, thing: bpy.types.Object) -> Floats:
