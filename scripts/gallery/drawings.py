@@ -11,6 +11,7 @@ import numpy as np
 from kiriko.core.base.arrays import Floats
 
 SIZE = 1024  # px of a square picture
+SUN = 0.95  # x of the sunset's sun: behind a letter
 
 
 def plane(width: int = SIZE, height: int = SIZE) -> tuple[Floats, Floats]:
@@ -242,14 +243,14 @@ def sunset() -> Floats:
     x, y = plane(2048, 512)
     sky = mixed((1.0, 0.42, 0.05), (0.05, 0.06, 0.36), between(y, -0.2, 0.95))
     picture = mixed(sky, (1.0, 0.16, 0.12), 0.55 * between(np.abs(x), 0.4, 4.0))
-    sun = np.hypot(x - 0.3, y - 0.12)
+    sun = np.hypot(x - SUN, y - 0.14)
     picture += np.exp(-((sun / 0.55) ** 2))[..., None] * np.array([0.5, 0.22, 0.02])
     paint(picture, (1.0, 0.93, 0.55), inside(sun - 0.36))
     for far, colour in ((0.12, (0.36, 0.06, 0.20)), (-0.02, (0.13, 0.03, 0.14))):
         hills = far + 0.13 * np.sin(1.9 * x + 9 * far) + 0.07 * np.sin(4.3 * x + 2) - 0.08
         paint(picture, colour, inside(np.maximum(y - hills, -0.22 - y)))
-    sea = mixed((0.02, 0.16, 0.36), (0.95, 0.38, 0.14), between(y, -1.0, -0.2) * 0.75)
-    glint = np.exp(-(((x - 0.3) / (0.42 + 0.25 * (-0.2 - y))) ** 2))
+    sea = mixed((0.02, 0.16, 0.36), (0.95, 0.38, 0.14), between(y, -1.0, -0.2) * 0.4)
+    glint = np.exp(-(((x - SUN) / (0.42 + 0.25 * (-0.2 - y))) ** 2))
     ripple = 0.5 + 0.5 * np.sin(44 * y / (1.2 + y) + 1.4 * np.sin(5 * x + 9 * y))
     sea = sea + (glint * ripple)[..., None] * np.array([1.0, 0.60, 0.20])
     paint(picture, np.minimum(sea, 1.0), inside(y + 0.22))

@@ -73,7 +73,7 @@ EXHIBITS = {
     ),
     "bottle": Exhibit(
         glasses.bottle, drawings.ship, (-0.034, 0.0, 0.041), (0.084, 0.056),
-        Look((0.0, 0.0, 0.042), 0.25, 5.0), back=0.045, light=1.2,
+        Look((0.004, 0.0, 0.042), 0.27, 5.0), back=0.045, light=1.2,
     ),
     "phone": Exhibit(
         glasses.lens, drawings.clock, (0.0, 0.0226, 0.0375), (0.056, 0.056),
