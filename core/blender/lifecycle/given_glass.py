@@ -49,8 +49,8 @@ def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
     """
     tree = bpy.data.node_groups.new(glass.name, "GeometryNodeTree")
     tree[GIVEN_MARK] = True
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     start, setter, end = map(tree.nodes.new, ("NodeGroupInput", SETTER, "NodeGroupOutput"))
     start.location.x, end.location.x = -200, 200
     setter.inputs["Material"].default_value = glass

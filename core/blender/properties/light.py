@@ -36,7 +36,7 @@ class KirikoPicture(bpy.types.PropertyGroup):
     )
     black_level: FloatProperty(
         name="Picture Black Level",
-        description="Light that is mapped to black; the rest is spread up to white",
+        description="Light mapped to black; the rest is spread up to white",
         default=0.0,
         min=0.0,
         soft_max=0.5,

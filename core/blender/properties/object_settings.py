@@ -224,7 +224,7 @@ class KirikoObject(bpy.types.PropertyGroup):
     display: PointerProperty(type=KirikoDisplay)
     surface: EnumProperty(
         name="Surface",
-        description="Surface that light meets where the mesh is shaded smooth",
+        description="Surface of smooth-shaded faces, as light meets it",
         items=SURFACES,
         default="AUTOMATIC",
     )

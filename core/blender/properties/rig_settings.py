@@ -178,8 +178,7 @@ class KirikoRig(bpy.types.PropertyGroup):
     )
     margin: IntProperty(
         name="Margin",
-        description="Pixels by which the source image extends beyond the visible part of the"
-        " display",
+        description="Extra pixels around the visible part of the display",
         default=0,
         min=0,
         max=1024,
