@@ -69,7 +69,7 @@ def test_solve_takes_products_by_their_names(run, saved, capsys):
     products = ("--display", "iPhone SE (2022)", "--glass", "Water")
     assert run("solve", "--out", saved, *products) == 0
     told = capsys.readouterr().out
-    assert "is iPhone SE (2022) now" in told
+    assert "is now iPhone SE (2022)" in told
     assert "is Water now" in told
     report = json.loads((saved / "report.json").read_text())
     assert report["resolution"] == [1334, 750]
