@@ -84,11 +84,11 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
                 set_by_modifier(thing, glass)
             names = quoted(thing.name for thing in things)
             result = context.scene.kiriko.result
-            told = tuple(
+            prefixes = tuple(
                 Message("The material of '{name}' isn't glass", name=thing.name) for thing in things
             )
             result.notes = "\n".join(
-                note for note in result.notes.splitlines() if not note.startswith(told)
+                note for note in result.notes.splitlines() if not note.startswith(prefixes)
             )
             text = Message(
                 "{names}: now {product}, index {ior:g} (material '{glass}').",

@@ -70,7 +70,7 @@ def test_solve_takes_products_by_their_names(run, saved, capsys):
     assert run("solve", "--out", saved, *products) == 0
     told = capsys.readouterr().out
     assert "is now iPhone SE (2022)" in told
-    assert "is Water now" in told
+    assert "is now Water" in told
     report = json.loads((saved / "report.json").read_text())
     assert report["resolution"] == [1334, 750]
     assert report["display_size_m"] == pytest.approx([0.0254 * 1334 / 326, 0.0254 * 750 / 326])
