@@ -196,12 +196,10 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         steps = settle(request, proposal, lambda rig: work.session().plan(rig, settings))
         try:
             proposal, spread = yield from subprogress(steps, 0.05, 0.9)
-        except InsideGlassError as error:  # it names a camera that does not exist yet
-            name = error.message.values["glass"]
+        except InsideGlassError:  # it names a camera that does not exist yet
             raise RigError(
-                "At a Viewer Distance of {distance} the viewer is inside {glass}. Increase it.",
+                "At a Viewer Distance of {distance} the viewer is inside the glass. Increase it.",
                 distance=length_text(scene, proposal.viewer_distance),
-                glass=Message("the glass '{name}'", name=name) if glasses else Message("the ball"),
             ) from None
 
         aspect = pixels[0] / pixels[1]
@@ -412,8 +410,7 @@ def _on_materials(bench: RigSite) -> list[str]:
     """A sentence on each opaque glass."""
     return [
         Message(
-            "The material of '{name}' isn't glass, so an index of {ior} is assumed: {remedy}, or"
-            " set Override IOR.",
+            "The material of '{name}' isn't glass, so an index of {ior} is assumed: {remedy}.",
             name=thing.name,
             ior=DEFAULT_IOR,
             remedy=_remedy(thing),
@@ -423,12 +420,10 @@ def _on_materials(bench: RigSite) -> list[str]:
 
 
 def _remedy(thing: bpy.types.Object) -> Message:
-    """The remedy for opaque glass."""
-    if not has_own_faces(bpy.context.scene, thing):
-        return Message("give its objects glass")
-    if not has_place(thing):
-        return Message("change it in the linked file")
-    return Message("press Make It Glass")
+    """The remedy for opaque glass, which cannot always get another material."""
+    if has_own_faces(bpy.context.scene, thing) and has_place(thing):
+        return Message("press Make It Glass")
+    return Message("set Override IOR")
 
 
 def _on_camera(scene: bpy.types.Scene) -> list[str]:

@@ -768,6 +768,6 @@ def test_a_viewer_that_would_be_inside_the_glass_is_told_by_its_distance(
     with pytest.raises(RuntimeError) as told:
         bpy.ops.kiriko.add_rig(viewer_distance=0.01)
     assert str(told.value).strip() == (
-        "Error: At a Viewer Distance of 1 cm the viewer is inside the ball. Increase it."
+        "Error: At a Viewer Distance of 1 cm the viewer is inside the glass. Increase it."
     )
     assert inventory() == before
