@@ -93,6 +93,6 @@ EXHIBITS = {
     ),
     "cube": Exhibit(
         glasses.cube, drawings.planet, (0.0, 0.0, 0.025), (0.040, 0.040),
-        Look((0.0, 0.0, 0.027), 0.115, 9.0),
+        Look((0.0, 0.0, 0.027), 0.115, 9.0), light=1.0,
     ),
 }  # fmt: skip
