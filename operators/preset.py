@@ -34,7 +34,8 @@ class GivesProduct(NamesPart):
         thing = context.active_object
         if thing is not None and thing.kiriko.role == cls.role:
             return [thing]
-        return list(needed.parts_met(context.scene).get(cls.role, ()))
+        scene, role = context.scene, cls.role
+        return list(needed.parts_met(scene).get(role) or needed.parts(scene).get(role, ()))
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -1,5 +1,5 @@
-"""The artist's view: the tab Kiriko in the 3D viewport's sidebar, what is drawn over
-the viewport, and the Add menu.
+"""The interface: the tab Kiriko in the 3D viewport's sidebar, drawings over the viewport, and
+menus.
 """
 
 import bpy
@@ -57,7 +57,7 @@ CLASSES = (
 
 
 def register() -> None:
-    """Show them."""
+    """Register all classes, menu entries and draw handlers."""
     for cls in CLASSES:
         bpy.utils.register_class(in_own_words(cls))
     bpy.types.VIEW3D_MT_add.append(add_menu.draw)
@@ -72,7 +72,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them away."""
+    """Unregister them."""
     range_view.unregister()
     shown_pixels.unregister()
     wipe.unregister()

@@ -123,14 +123,14 @@ class VIEW3D_PT_kiriko_not_separated(Closed, bpy.types.Panel):
                 layout,
                 context,
                 Message(
-                    "Not separable: {amounts}.", amounts=joined(map(amount_words, group), ", ")
+                    "Not determined: {amounts}.", amounts=joined(map(amount_words, group), ", ")
                 ),
                 icon="DUPLICATE",
             )
 
         if found["still"]:
             amounts = joined(map(amount_words, found["still"]), ", ")
-            text = Message("Not visible: {amounts}.", amounts=amounts)
+            text = Message("Not determined: {amounts}.", amounts=amounts)
             sentence(layout, context, text, icon="HIDE_ON")
 
 

@@ -80,7 +80,7 @@ def draw_buttons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def draw_picture(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The button that opens the picture, with the name of the one that is shown."""
+    """The button that opens the picture, with the picture's name."""
     ours = context.scene.kiriko
     if ours.picture_source == "IMAGE":
         layout.template_ID(ours, "picture_image", open="image.open")
@@ -93,7 +93,7 @@ def draw_picture(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def draw_checklist(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The state in one row, the things to do, and trouble with Live or the view."""
+    """The state in one row, the things to do, and problems of Live or the view."""
     scene = context.scene
     found = look_over.found(context)
     draw_state(layout.row(), context, found)
@@ -114,7 +114,7 @@ def draw_checklist(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
 
 
 def draw_state(row: bpy.types.UILayout, context: bpy.types.Context, found: list[Entry]) -> None:
-    """Progress of the work under way, or a short text. The buttons below stay if it changes."""
+    """Progress of the running work, or a short text. The buttons below stay if it changes."""
     text, is_problem = live.status(context.scene)
     is_followed = live.follows(context.scene) and not is_problem
     progress = live.followed().progress if is_followed else None

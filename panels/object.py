@@ -30,7 +30,7 @@ PRODUCTS = {
 
 
 class VIEW3D_MT_kiriko_images(bpy.types.Menu):
-    """Images of the file, to be chosen as the picture."""
+    """Images of the file, to choose the picture from."""
 
     bl_idname = "VIEW3D_MT_kiriko_images"
     bl_label = "Image"
@@ -73,7 +73,7 @@ class OBJECT_PT_kiriko(bpy.types.Panel):
 def draw_object(
     layout: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
 ) -> None:
-    """The role of an object, the settings of that role, and trouble with them."""
+    """The role of an object, the settings of that role, and problems with them."""
     ours = thing.kiriko
     if thing.type == "CAMERA":
         draw_resolution(layout, context, thing)
@@ -160,7 +160,7 @@ def index_words(ior: float, material: str, source: str = "default") -> Message:
 
 
 def _draw_picture(layout: bpy.types.UILayout, picture: bpy.types.Object) -> None:
-    """The image in use. A menu offers the others, which the plane is fitted to."""
+    """The image in use, in a menu of all images."""
     image = image_of(picture)
     row = labelled(layout, "Image")
     name = in_words(CHOOSE) if image is None else image.name
@@ -218,7 +218,7 @@ def labelled(layout: bpy.types.UILayout, text: str) -> bpy.types.UILayout:
 def draw_product(
     row: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
 ) -> None:
-    """A menu of products, with the name of the one that the part's values match."""
+    """A menu of products, with the name of the product matching the part's values."""
     operator, product_of = PRODUCTS[thing.kiriko.role]
     product = product_of(context, thing)
     name = Message("Custom") if product is None else as_message(product.name)

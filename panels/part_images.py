@@ -14,23 +14,24 @@ from ..core.blender.view.shown_images import ShownImage, shown_images
 from ..operators.windows import camera_of
 from .overlay.view_handlers import TINTED_SHADER, ViewHandlers
 
-# how textures of images blend, by the mode of their alpha; that of others is no coverage
+# blend modes by an image's alpha mode; the alpha of other modes is no coverage
 BLENDING = {"STRAIGHT": "ALPHA", "PREMUL": "ALPHA_PREMULT"}
-SHARE = 20.0  # times as long as all objects of a scene took to look at they are not looked at again
+SHARE = 20.0  # a scene is searched again after this many times the duration of the last search
 ROLES = {"PICTURE", "DISPLAY"}
-# how an image is drawn, pass by pass: the test against the depth of the view, and how opaque. A
-# picture stands in its glass, and is drawn in front of all. A display stands behind glass or plate:
-# in front of them it would hide the glass that it is seen through.
+# Passes of an image: depth test and opacity. A picture is inside its glass, so it is drawn in front
+# of everything. A display is behind glass or plate, and in front it would hide them.
 IN_FRONT = (("NONE", 1.0),)
 IN_PLACE = (("GREATER", 0.65), ("LESS_EQUAL", 1.0))
-NEARER = 1e-3  # of the distance: or rounding would draw by lot whether a display hides its image
+NEARER = 1e-3  # of the distance, so that an image is not hidden by its own display
 
-_found: dict[int, tuple[float, list[str]]] = {}  # by scene: looked at next, names of the parts
-_loaded: dict[int, int] = {}  # by moving image: number of the frame that its texture has
+_found: dict[
+    int, tuple[float, list[str]]
+] = {}  # by scene: time of the next search, names of the parts
+_loaded: dict[int, int] = {}  # by moving image: the frame in its texture
 
 
 def draw() -> None:
-    """Called by Blender for each 3D view. Nothing but the view is changed."""
+    """Draw the images. Blender calls it for every 3D view."""
     context = bpy.context
     space = context.space_data
     if not space.overlay.show_overlays:
@@ -52,9 +53,9 @@ def draw_parts(context: bpy.types.Context, parts: list[bpy.types.Object]) -> Non
 
 
 def nearer(points: Floats, view: Matrix, is_perspective: bool, distance: float) -> Floats:
-    """Points (n, 3) a little nearer to who looks at them, and seen in the same places.
+    """Points (n, 3) moved slightly towards the eye, along their lines of sight.
 
-    view : from the world to the view; distance : of an orthographic one, to what it turns about
+    view : from the world to the view; distance : of an orthographic view from its pivot
     """
     to_world = np.array(view.inverted())
     if is_perspective:
@@ -65,8 +66,7 @@ def nearer(points: Floats, view: Matrix, is_perspective: bool, distance: float) 
 def is_drawn(context: bpy.types.Context, role: str) -> bool:
     """Is the image of such a part drawn in this view?
 
-    Where its material shows the display's, and where the light
-    itself shows the picture to the viewer, it is not.
+    It is not if the display's material or the light itself shows it.
     """
     space, view = context.space_data, context.region_data
     if role == "DISPLAY":
@@ -78,9 +78,7 @@ def is_drawn(context: bpy.types.Context, role: str) -> bool:
 
 
 def parts_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Pictures and displays of a scene; where it has many
-    objects they are not all looked at for each picture drawn.
-    """
+    """Pictures and displays of a scene. Not every redraw searches a scene of many objects."""
     started = perf_counter()
     due, names = _found.get(scene.session_uid, (0.0, []))
     if started >= due:
@@ -93,10 +91,10 @@ def parts_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def _texture(shown: ShownImage) -> gpu.types.GPUTexture:
-    """The texture of an image; RuntimeError for one without pixels.
+    """The texture of an image; RuntimeError if it has no pixels.
 
-    Blender makes that of a moving image at the image's frame 0, which sequences lack, and a movie
-    shows its first for. So it is loaded at its frame before Blender is asked for it.
+    Blender creates the texture of a moving image at frame 0: sequences have none, and a movie shows
+    its first frame. So the image is loaded at its own frame first.
     """
     image, number = shown.image, shown.number
     if number is not None:
@@ -118,7 +116,7 @@ def _draw(shown: ShownImage, points: Floats) -> None:
     before = gpu.state.depth_test_get(), gpu.state.blend_get(), gpu.state.depth_mask_get()
 
     try:
-        gpu.state.depth_mask_set(False)  # or a pass would be tested against the one before
+        gpu.state.depth_mask_set(False)  # or the depth of one pass would hide the next
         gpu.state.face_culling_set("NONE" if shown.is_picture else "BACK")
         shader.bind()
         shader.uniform_sampler("image", texture)
@@ -139,12 +137,12 @@ _handlers = ViewHandlers(POST_VIEW=draw)
 
 
 def register() -> None:
-    """Draw from now on."""
+    """Add the draw handler."""
     _handlers.begin()
 
 
 def unregister() -> None:
-    """Draw no more."""
+    """Remove the draw handler."""
     _handlers.end()
     _found.clear()
     _loaded.clear()

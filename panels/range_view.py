@@ -25,7 +25,10 @@ from .overlay.view_handlers import ViewHandlers
 ALPHA = 0.45
 LETTERS = 11.0  # px at a scale of 1
 BAR = (160.0, 10.0)  # px at a scale of 1: length and height of the legend
-CORNER = (80.0, 100.0)  # px at a scale of 1, from the lower left: above Blender's own box there
+CORNER = (
+    80.0,
+    100.0,
+)  # px at a scale of 1, from the lower left, above Blender's Adjust Last Operation
 
 
 class DrawnSurface(NamedTuple):
@@ -53,14 +56,14 @@ SURFACES = (
         arcmin,
     ),
 )
-STEP = 50.0  # px at a scale of 1, from one legend up to the next
+STEP = 50.0  # px at a scale of 1, from one legend to the next
 
 # by name: session uid of the mesh, batch, largest value
 _batches: dict[str, tuple[int, Any, float]] = {}
 
 
 def shown(context: bpy.types.Context) -> Iterator[tuple[DrawnSurface, bpy.types.Object]]:
-    """The surfaces of the scene that this view shows."""
+    """The surfaces of the scene visible in this view."""
     for surface in SURFACES:
         thing = surfaces.looked_up(context.scene, surface.name)
         if (
@@ -72,7 +75,7 @@ def shown(context: bpy.types.Context) -> Iterator[tuple[DrawnSurface, bpy.types.
 
 
 def draw() -> None:
-    """Called by Blender for each 3D view: the surfaces."""
+    """Draw the surfaces. Blender calls it for every 3D view."""
     for surface, thing in shown(bpy.context):
         batch, _ = _batch(surface, thing.data)
         before = gpu.state.blend_get(), gpu.state.depth_test_get()
@@ -88,7 +91,7 @@ def draw() -> None:
 
 
 def draw_legend() -> None:
-    """Called by Blender for each 3D view: which colour is how much."""
+    """Draw the legends. Blender calls it for every 3D view."""
     context = bpy.context
     scale = context.preferences.system.ui_scale
     for n, (surface, thing) in enumerate(shown(context)):
@@ -121,17 +124,15 @@ def heading_of(scene: bpy.types.Scene, surface: DrawnSurface) -> Message:
 
 
 def _with_alpha(colours: Floats, alpha: float) -> NDArray[np.float32]:
-    """Colours (n, 3) with an alpha (n, 4), as the graphics card takes them: it reads the bytes of
-    numbers of another kind as they are.
-    """
+    """Colours (n, 3) with an alpha, (n, 4) float32: a graphics card reads other types bytewise."""
     return np.column_stack([colours, np.full(len(colours), alpha)]).astype(np.float32)
 
 
 def _batch(surface: DrawnSurface, mesh: bpy.types.Mesh) -> tuple[Any, float]:
-    """The mesh on the graphics card, in the colours of its values, and the largest of them."""
-    uid, *known = _batches.get(surface.name, (0,))
+    """The mesh as a batch, in the colours of its values, and the largest value."""
+    uid, *cached = _batches.get(surface.name, (0,))
     if uid == mesh.session_uid:
-        return tuple(known)
+        return tuple(cached)
 
     points = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", points)
@@ -155,12 +156,12 @@ _handlers = ViewHandlers(POST_VIEW=draw, POST_PIXEL=draw_legend)
 
 
 def register() -> None:
-    """Draw from now on."""
+    """Add the draw handlers."""
     _handlers.begin()
 
 
 def unregister() -> None:
-    """Draw no more."""
+    """Remove the draw handlers."""
     _handlers.end()
     _batches.clear()
     surfaces.forget()

@@ -1,6 +1,4 @@
-"""The last result: a sentence and a picture, buttons that bring back the lost part of the picture,
-and all numbers below.
-"""
+"""The last result: percentage shown, error and time; its image and all other numbers in Details."""
 
 import bpy
 
@@ -23,17 +21,17 @@ LARGEST = 16.0  # icons, the width of the largest image
 
 
 def draw_remedies(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The proposal where there is one; else the remedies where some of the picture is lost."""
+    """The proposal, or the remedies if a part of the picture is lost."""
     scene = context.scene
     proposed = proposal.current(scene)
     if proposed is not None:
         sentence(layout, context, proposed.text, icon="QUESTION")
         row = layout.row(align=True)
-        row.operator_context = "EXEC_DEFAULT"  # the panel has the sentence already
+        row.operator_context = "EXEC_DEFAULT"  # no question: the panel shows the sentence
         row.operator("kiriko.take_proposal", icon="CHECKMARK")
         row.operator("kiriko.drop_proposal", icon="X")
     elif not needed.unsolved(scene) and scene.kiriko.result.coverage < WHOLE:
-        row = layout.row(align=True)  # those that fit a part stand in the checklist
+        row = layout.row(align=True)  # the checklist has those that fit a part
         row.operator("kiriko.best_place")
         row.operator("kiriko.turn_back")
 
@@ -46,13 +44,13 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         result = context.scene.kiriko.result
-        said = Sentences.read(result.sentences)
-        lacks = lacks_numbers(result)
-        if result.is_coarse or lacks:
+        sentences = Sentences.read(result.sentences)
+        is_unmeasured = lacks_numbers(result)
+        if result.is_coarse or is_unmeasured:
             if work.is_busy() or watch.is_followed(context.scene):
-                text, icon = needed.MEASURING if lacks else needed.COMING, "INFO"
+                text, icon = needed.MEASURING if is_unmeasured else needed.COMING, "INFO"
             else:
-                reason = needed.NUMBERLESS if lacks else needed.COARSE
+                reason = needed.NUMBERLESS if is_unmeasured else needed.COARSE
                 text, icon = Message("{reason}.", reason=reason), "ERROR"
             sentence(layout, context, text, icon=icon)
         elif not result.summary:
@@ -64,11 +62,11 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
         column = layout.column()
         column.active = not (result.is_coarse or is_changed or live.is_ahead(context.scene))
         if result.summary:
-            sentence(column, context, said.message(result.summary))
+            sentence(column, context, sentences.message(result.summary))
         draw_legibility(column, context, result, is_only_low=True)
         draw_cost(column, context, StoredNumbers.read(result.details).by_name)
         for note in notes_of(result)[0]:
-            sentence(column, context, said.message(note), icon="ERROR")
+            sentence(column, context, sentences.message(note), icon="ERROR")
         if is_changed:
             sentence(layout, context, watch.CHANGED, icon="ERROR")
         draw_remedies(layout, context)
@@ -90,7 +88,7 @@ def draw_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 class VIEW3D_MT_kiriko_result_images(bpy.types.Menu):
-    """The images of the result, to be shown."""
+    """The images of the result."""
 
     bl_idname = "VIEW3D_MT_kiriko_result_images"
     bl_label = "Show Image"
@@ -117,16 +115,14 @@ def draw_legibility(
 
 
 def icons_across(context: bpy.types.Context) -> float:
-    """How many icons' width the sidebar has."""
+    """The width of the sidebar in icons."""
     width = context.region.width / context.preferences.system.ui_scale
     return min(max((width - MARGIN / 2) / ICON, 1.0), LARGEST)
 
 
 def notes_of(result: bpy.types.PropertyGroup) -> tuple[list[str], list[str]]:
-    """Notes on light that is lost or goes another way, and all others."""
-    warnings = StoredNumbers.read(result.details).by_name.get(
-        "warnings", ()
-    )  # earlier versions: none
+    """Notes on lost or stray light, and all other notes."""
+    warnings = StoredNumbers.read(result.details).by_name.get("warnings", ())
     notes = result.notes.splitlines()
     return [n for n in notes if n in warnings], [n for n in notes if n not in warnings]
 
@@ -136,13 +132,11 @@ def draw_cost(layout: bpy.types.UILayout, context: bpy.types.Context, details: d
     if "total_seconds" not in details:
         return
 
-    errors = []
     if details["tessellation_error"]:
-        errors.append(Message("mesh {error}", error=pixels(details["tessellation_error"])))
+        text = Message("Mesh error: {error}", error=pixels(details["tessellation_error"]))
+        sentence(layout, context, text, icon="DRIVER_DISTANCE")
     if details["map_error"] and details["map_error"]["percentile"]:
-        errors.append(Message("map {error}", error=pixels(details["map_error"]["percentile"])))
-    if errors:
-        text = Message("Error: {errors}", errors=joined(errors, ", "))
+        text = Message("Map error: {error}", error=pixels(details["map_error"]["percentile"]))
         sentence(layout, context, text, icon="DRIVER_DISTANCE")
     text = Message("Solved in {seconds} s", seconds=number(details["total_seconds"]))
     sentence(layout, context, text, icon="TIME")
@@ -184,7 +178,7 @@ def plate_words(plate: dict) -> str:
 
 
 class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
-    """Its numbers, and notes on the scene as it was read."""
+    """The image and the numbers of the result, and notes on the scene."""
 
     bl_label = "Details"
     bl_parent_id = "VIEW3D_PT_kiriko_result"
@@ -198,30 +192,30 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
         layout = self.layout
         result = context.scene.kiriko.result
         details = StoredNumbers.read(result.details).by_name
-        said = Sentences.read(result.sentences)
+        sentences = Sentences.read(result.sentences)
         draw_image(layout, context)
         draw_legibility(layout, context, result)
         for note in notes_of(result)[1]:
-            sentence(layout, context, said.message(note), icon="INFO")
+            sentence(layout, context, sentences.message(note), icon="INFO")
         if result.seen is not None and result.seen_summary:
-            sentence(layout, context, said.message(result.seen_summary), icon="IMAGE_DATA")
-        if "materials" not in details:  # Add Rig knows the legibility alone
+            sentence(layout, context, sentences.message(result.seen_summary), icon="IMAGE_DATA")
+        if "materials" not in details:  # Add Rig computes only the legibility
             return
 
         draw_shares(layout, details)
         draw_forecast(layout, context, details)
         draw_white(layout, context, details)
         for read in details["materials"]:
-            sentence(layout, context, material_words(read, said), icon="MATERIAL")
+            sentence(layout, context, material_words(read, sentences), icon="MATERIAL")
 
         draw_work(layout, details)
         if details["left_out"]:
-            parts = joined(map(said.message, details["left_out"]), ", ")
+            parts = joined(map(sentences.message, details["left_out"]), ", ")
             sentence(layout, context, Message("Left out: {parts}.", parts=parts))
 
 
 def draw_shares(layout: bpy.types.UILayout, details: dict) -> None:
-    """The fate of all of the picture, which is 100 %."""
+    """The percentages of the picture shown and lost, 100 % in all."""
     column = layout.column(align=True)
     column.scale_y = 0.8
     coverage = percent(details.get("picture_coverage", 0.0))
@@ -231,9 +225,9 @@ def draw_shares(layout: bpy.types.UILayout, details: dict) -> None:
 
 
 def draw_white(layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
-    """The luminance of the display's white as seen by way of the plate; glass is left out."""
+    """The luminance of the display's white, seen through the plate without the glass."""
     plate = details.get("plate")
-    # where Brightness is on, the source image makes up for the plate
+    # with Brightness the source image compensates for the plate
     share = 1.0 if plate is None or context.scene.kiriko.brightness else plate["brightness"]
     for display in needed.parts(context.scene).get("DISPLAY", {}):
         luminance = number(share * display.kiriko.display.white)
@@ -243,16 +237,16 @@ def draw_white(layout: bpy.types.UILayout, context: bpy.types.Context, details: 
         sentence(layout, context, text, icon="LIGHT")
 
 
-def material_words(read: dict, said: Sentences) -> Message:
-    """The index of a glass in the solve, and its material if it is that one's."""
+def material_words(read: dict, sentences: Sentences) -> Message:
+    """The index of a glass in the solve, and its source."""
     has_own = read["source"] not in {DEFAULT, OVERRIDE}
     material = read["material_name"] if has_own else ""
-    words = index_words(read["ior"], material, said.message(read["source"]))
+    words = index_words(read["ior"], material, sentences.message(read["source"]))
     return Message("{part}: {amount}", part=read["object_name"], amount=words)
 
 
 def draw_work(layout: bpy.types.UILayout, details: dict) -> None:
-    """Seconds of each part of the work, rays, and numbers of the mesh."""
+    """Seconds of each step, rays, and glare."""
     column = layout.column(align=True)
     column.scale_y = 0.8
     for part, seconds in details["seconds"].items():

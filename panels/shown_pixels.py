@@ -1,8 +1,7 @@
-"""Draws the source image into show windows: each of its pixels on one of the screen, black around.
+"""Draws the source image into show windows, one image pixel to a screen pixel, on black.
 
-Blender's own drawing of an image goes through the view transform, by half floats, and is scaled by
-the zoom. Here the numbers of the exported 8-bit file are fetched by the place of the pixel, so that
-the screen shows that file, whatever the scale of the interface.
+Blender draws an image through the view transform, in half floats, and scaled by the zoom. Here a
+shader fetches the numbers of the exported 8-bit file, whatever the scale of the interface.
 """
 
 from typing import NamedTuple
@@ -18,13 +17,13 @@ from ..core.files.encoding import quantised
 from ..operators import show_window
 from ..operators.export import gamma_of
 
-TOP = 255  # of 8 bits
+TOP = 255  # largest number of 8 bits
 
 
 class DrawnPixels(NamedTuple):
-    """An image as it was drawn last.
+    """The image drawn last.
 
-    pixels : (h, w, 4) float32, as Blender holds them
+    pixels : (h, w, 4) float32, as Blender stores them
     """
 
     uid: int
@@ -33,12 +32,12 @@ class DrawnPixels(NamedTuple):
     texture: object
 
 
-_shown: list[DrawnPixels] = []  # the last one is enough
+_shown: list[DrawnPixels] = []  # at most one
 _shaders: list[object] = []
 
 
 def draw() -> None:
-    """Called by Blender for each text editor. Nothing but a show window is changed."""
+    """Draw into a show window. Blender calls it for every text editor."""
     context = bpy.context
     if not show_window.is_ours(context.window):
         return
@@ -50,26 +49,26 @@ def draw() -> None:
     image = show_window.shown_result(scene).source
     if image is not None and min(image.size) > 0:
         _draw(image, gamma_of(scene), size)
-    # the marks of hidden headers, which Blender draws last into this region's own buffer
+    # Blender draws the marks of hidden headers last, into this region's own buffer
     gpu.state.scissor_set(0, 0, 0, 0)
 
 
 def numbers_of(pixels: NDArray[np.float32], gamma: float | None) -> NDArray[np.float32]:
-    """The numbers 0..1 (h, w, 4), in steps of 8 bits, that an exported file has, row 0 below."""
+    """The numbers 0..1 (h, w, 4) of the exported file, in steps of 8 bits, row 0 at the bottom."""
     opaque = np.ones_like(pixels)
     opaque[..., :3] = quantised(pixels[::-1, :, :3], "uint8", gamma) / np.float32(TOP)
     return opaque
 
 
 def corner_of(size: tuple[int, int], region: tuple[int, int]) -> tuple[int, int]:
-    """Where the lower left pixel of an image is in a region that has it in its middle."""
+    """The place of the lower left pixel of an image in the middle of a region, px."""
     return (region[0] - size[0]) // 2, (region[1] - size[1]) // 2
 
 
 def _draw(image: bpy.types.Image, gamma: float | None, region: tuple[int, int]) -> None:
     size = tuple(image.size)
     x, y = corner_of(size, region)
-    # in parts of the region from -1 to 1: no matrix of Blender's, which is off by parts of a pixel
+    # in units of the region, -1 to 1: Blender's matrices are off by fractions of a pixel
     left, right = (2 * place / region[0] - 1 for place in (x, x + size[0]))
     below, above = (2 * place / region[1] - 1 for place in (y, y + size[1]))
     corners = [(left, below), (right, below), (right, above), (left, above)]
@@ -92,7 +91,7 @@ def _draw(image: bpy.types.Image, gamma: float | None, region: tuple[int, int]) 
 
 
 def _texture(image: bpy.types.Image, gamma: float | None) -> object:
-    """The image on the graphics card, made anew where any pixel has changed."""
+    """The image as a texture, created again if a pixel has changed."""
     pixels = pixels_from_image(image)
     for shown in _shown:
         is_same = (shown.uid, shown.gamma) == (image.session_uid, gamma)
@@ -126,13 +125,13 @@ _handles: list[object] = []
 
 
 def register() -> None:
-    """Draw from now on."""
+    """Add the draw handler."""
     add = bpy.types.SpaceTextEditor.draw_handler_add
     _handles.append(add(draw, (), "WINDOW", "POST_PIXEL"))
 
 
 def unregister() -> None:
-    """Draw no more."""
+    """Remove the draw handler."""
     while _handles:
         bpy.types.SpaceTextEditor.draw_handler_remove(_handles.pop(), "WINDOW")
     _shown.clear()

@@ -1,4 +1,4 @@
-"""Closed panels around Solve: Check, which shows the light in other ways, and Advanced."""
+"""Check, which simulates and renders the view, and Advanced, with all further settings."""
 
 import bpy
 

@@ -26,7 +26,7 @@ ROWS = 4
 
 
 class KIRIKO_UL_viewers(bpy.types.UIList):
-    """Viewers, each with its weight, and whether it is on."""
+    """Viewers, with their weights and switches."""
 
     def draw_item(  # noqa: PLR0913, Blender's
         self,
@@ -40,7 +40,7 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
         index: int = 0,
         flt_flag: int = 0,
     ) -> None:
-        """One line of the list; Blender's own arguments."""
+        """Draw one line of the list."""
         camera = camera_at(context.scene, index)
         layout.use_property_split = False  # or half of each line stays empty
         row = layout.row(align=True)
@@ -48,7 +48,9 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
         name = row.row(align=True)
         name.active = item.is_on
         text = in_words(Message("No camera")) if camera is None else camera.name
-        shown = "ERROR" if camera is None else "NONE"  # where the weight needs the room
+        shown = (
+            "ERROR" if camera is None else "NONE"
+        )  # no icon otherwise: the weight needs the room
         name.label(text=text, icon=shown, translate=False)
         # an icon on every line would say nothing
         if item.image is not None and are_some_missing(context.scene):
@@ -66,7 +68,7 @@ def are_some_missing(scene: bpy.types.Scene) -> bool:
 
 
 class VIEW3D_MT_kiriko_scenes(bpy.types.Menu):
-    """The other scenes of the file, to be rendered for each viewer."""
+    """The other scenes of the file, for Render Pictures."""
 
     bl_idname = "VIEW3D_MT_kiriko_scenes"
     bl_label = "Render Pictures"
@@ -81,7 +83,7 @@ class VIEW3D_MT_kiriko_scenes(bpy.types.Menu):
 
 
 class VIEW3D_PT_kiriko_viewers(Closed, bpy.types.Panel):
-    """The viewers, their pixels and pictures, and the places that the picture is seen from."""
+    """The viewers with their pixels and pictures, the visible range and the eye box."""
 
     bl_label = "Viewers"
 
@@ -105,7 +107,7 @@ class VIEW3D_PT_kiriko_viewers(Closed, bpy.types.Panel):
 
 
 def draw_frame(column: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The viewer's pixels, and a note if Numpad 0 shows another view."""
+    """The viewer's pixels, and a button if Numpad 0 shows another camera."""
     scene = context.scene
     viewer = viewer_of(scene)
     if viewer is None:
@@ -113,8 +115,6 @@ def draw_frame(column: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
     draw_resolution(column, context, viewer)
     if scene.camera != viewer:
-        text = Message("Numpad 0 doesn't show '{viewer}'.", viewer=viewer.name)
-        sentence(column, context, text, icon="INFO")
         switch = column.operator(
             "wm.context_set_id", text="Set as Scene Camera", icon="OUTLINER_OB_CAMERA"
         )
@@ -160,7 +160,7 @@ def draw_images(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_more(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Buttons that add viewers, and the way their disagreement is settled."""
+    """Buttons that add viewers, and the choice between Sharp and Blended."""
     ours = context.scene.kiriko
     if len(ours.viewers):
         layout.prop(ours, "disagreement")
@@ -172,7 +172,7 @@ def draw_more(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The button, and below it how far the head may go, as last found."""
+    """The button of the eye box, and the last one's extent."""
     row = layout.row(align=True)
     row.operator("kiriko.eye_box", icon="MOD_LATTICE")
     row.operator("kiriko.remove_eye_box", text="", icon="X")
@@ -187,8 +187,8 @@ def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         viewer=box["viewer"],
     )
     sentence(column, context, text, icon="INFO")
-    for way in ways_in_words(context.scene, box):
-        sentence(column, context, way, icon="BLANK1")
+    for extent in ways_in_words(context.scene, box):
+        sentence(column, context, extent, icon="BLANK1")
     for k, line in enumerate(served_in_words(box)):
         sentence(column, context, line, icon="BLANK1" if k else "LIGHTPROBE_VOLUME")
     for line in of_blended(context.scene):

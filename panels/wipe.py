@@ -22,10 +22,10 @@ _textures: dict[int, tuple[object, dict[str, gpu.types.GPUTexture]]] = {}
 
 
 def draw() -> None:
-    """Called by Blender for each 3D view. Nothing but the view is changed."""
+    """Draw the comparison. Blender calls it for every 3D view."""
     context = bpy.context
     scene = context.scene
-    # a view that looks through the viewer has none of Blender's overlays, for the picture's sake
+    # Look Through Viewer switches Blender's overlays off
     is_wanted = context.space_data.overlay.show_overlays or scene.kiriko_scene.looking
     if not (compared.is_shown(scene) and is_wanted):
         return
@@ -50,7 +50,7 @@ def draw() -> None:
 def _texture(made: object, choice: str) -> gpu.types.GPUTexture:
     """An image of a comparison on the graphics card, row 0 at the bottom."""
     if id(made) not in _textures:
-        _textures.clear()  # the last one is enough
+        _textures.clear()  # at most one
         _textures[id(made)] = made, {}
     textures = _textures[id(made)][1]
 
@@ -64,7 +64,7 @@ def _texture(made: object, choice: str) -> gpu.types.GPUTexture:
 
 
 def _between(frame: np.ndarray, part: float) -> tuple[Any, Any]:
-    """Upper and lower end (2,), px, of the line at a part of the frame's width."""
+    """Upper and lower end (2,), px, of a vertical line at a fraction of the frame's width."""
     upper = frame[0] + part * (frame[1] - frame[0])
     lower = frame[3] + part * (frame[2] - frame[3])
     return upper, lower
@@ -87,7 +87,7 @@ def _draw(frame: np.ndarray, texture: gpu.types.GPUTexture, start: float, stop: 
 
 
 def _draw_line(frame: np.ndarray, part: float, scale: float) -> None:
-    """The line between the images, and an arrow to each side of its middle."""
+    """Draw the line between the images, with an arrow to each side."""
     upper, lower = _between(frame, part)
     middle = (upper + lower) / 2
     arrows = [
@@ -105,7 +105,7 @@ def _draw_line(frame: np.ndarray, part: float, scale: float) -> None:
 
 
 def _write_names(frame: np.ndarray, ours: bpy.types.PropertyGroup, scale: float) -> None:
-    """Which image is on which side of the line, in the frame's upper corners."""
+    """Write the images' names into the upper corners of the frame."""
     blf.size(0, LETTERS * scale)
     blf.color(0, *LINE)
     room = LETTERS * scale
@@ -134,7 +134,7 @@ class KIRIKO_GGT_wipe(bpy.types.GizmoGroup):
 
     def setup(self, context: bpy.types.Context) -> None:
         handle = self.gizmos.new("GIZMO_GT_button_2d")
-        # drawn by `draw`, which covers it
+        # `draw` covers it with its own arrows
         handle.icon = "ARROW_LEFTRIGHT"
         handle.scale_basis = HANDLE
         handle.color, handle.alpha = (0.1, 0.1, 0.1), 0.6
@@ -153,11 +153,11 @@ _handlers = ViewHandlers(POST_PIXEL=draw)
 
 
 def register() -> None:
-    """Draw from now on."""
+    """Add the draw handler."""
     _handlers.begin()
 
 
 def unregister() -> None:
-    """Draw no more."""
+    """Remove the draw handler."""
     _handlers.end()
     _textures.clear()

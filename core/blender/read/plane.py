@@ -29,7 +29,8 @@ def own_materials(thing: bpy.types.Object) -> list[bpy.types.Material]:
     """
     slots = thing.material_slots
     has_faces = thing.type == "MESH" and len(thing.data.polygons) > 0
-    order = used_slots(thing.data) if has_faces else range(len(slots))
+    # panels are redrawn often, so faces of a single slot are not counted
+    order = used_slots(thing.data) if has_faces and len(slots) > 1 else range(len(slots))
     materials = (
         dict.fromkeys(slots[min(k, len(slots) - 1)].material for k in order) if slots else {}
     )
