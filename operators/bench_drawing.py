@@ -50,7 +50,7 @@ def lattice_of(scene: bpy.types.Scene) -> Lattice:
 
 
 class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
-    """Draw the bench to scale, for whoever builds it"""
+    """Draw the bench to scale, for building it"""
 
     bl_description = (
         "Draw the bench to scale, side view and plan, with distances and angles for whoever builds"
@@ -63,7 +63,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
     default_name = NAME
 
     paper: bpy.props.EnumProperty(
-        name="Paper", description="Size of the sheets, which lie on their side", items=PAPERS
+        name="Paper", description="Size of the sheets, in landscape format", items=PAPERS
     )
 
     @classmethod

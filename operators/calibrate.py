@@ -38,7 +38,7 @@ TEXTS = {".csv", ".txt", ".tsv"}  # endings of files of positions; all others ar
 
 
 class KIRIKO_OT_calibrate(long_work.LongWork, bpy.types.Operator):
-    """Find the errors of the real bench from a photograph of the lattice, and solve again"""
+    """Find the errors of the real bench from a photograph of the lattice, then solve again"""
 
     bl_idname = "kiriko.calibrate"
     bl_label = "Calibrate"
@@ -82,8 +82,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     found_before = StoredNumbers.read(ours.found).by_name
     if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
         raise RigError(
-            "The scene has the result of '{file}' already: solve, and take another"
-            " photograph of the view.",
+            "'{file}' is already applied: solve, and take another photograph.",
             file=path.name,
         )
 
@@ -95,7 +94,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     first = seats_of(scene)[0].camera
     if first != viewer_of(scene):
         raise RigError(
-            "A photograph is taken from the first viewer's place: choose '{viewer}' in the list of"
+            "Photographs are taken from the first viewer: choose '{viewer}' in the list of"
             " viewers.",
             viewer=first.name,
         )
@@ -107,7 +106,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     tolerances = tolerances_of(ours)
     among = [parameter for parameter in parameters(rig) if tolerances[parameter.kind] > 0]
     if not among:
-        raise RigError("Nothing may be off: set a tolerance above 0.")
+        raise RigError("No errors are allowed: set a tolerance above 0.")
 
     expect = np.array([tolerances[parameter.kind] for parameter in among])
     bench = Bench(rig, settings, expected, among)
@@ -115,8 +114,8 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     is_shown = ((bench.display >= 0) & (bench.display <= size)).all(axis=1)
     if is_shown.sum() < FEWEST:
         raise RigError(
-            "Only {n_shown} of {n_points} points of the lattice are seen in this rig:"
-            " compare its columns, rows and margin with the picture.",
+            "Only {n_shown} of {n_points} lattice points are visible: check its columns, rows and"
+            " margin.",
             n_shown=is_shown.sum(),
             n_points=len(expected),
         )
@@ -134,7 +133,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
 
     if ours.keep == "NONE":
         ours.found = details
-        return Message("{text} Nothing is kept of it.", text=text)
+        return Message("{text} The fit was discarded.", text=text)
 
     fitted = replace(reading, rig=with_amounts(rig, amounts)[0])
     solution = yield from subprogress(work.session().solve(fitted.rig, settings), 0.6, 1.0)
@@ -218,14 +217,10 @@ def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
 def fit_report(found: BenchFit) -> str:
     """A fit in a sentence."""
     n = int(found.left_out.sum())
-    odd = (
-        Message("; {n} that lie{s} far from the others' fit left out", n=n, s="s" if n == 1 else "")
-        if n
-        else ""
-    )
+    odd = Message("; {n} outlier{s} left out", n=n, s="s" if n == 1 else "") if n else ""
     return Message(
-        "The lattice was {before:.3g} viewer px off; with the fit it is {after:.3g}"
-        " ({n_points} of {n_measured} points{odd}).",
+        "The lattice was off by {before:.3g} viewer px; after the fit by {after:.3g} ({n_points}"
+        " of {n_measured} points{odd}).",
         before=found.before,
         after=found.after,
         n_points=found.n_points,
@@ -294,7 +289,7 @@ def _pixels(context: bpy.types.Context, picture: bpy.types.Object) -> tuple[int,
 
 
 class KIRIKO_OT_lattice_picture(bpy.types.Operator):
-    """Make the lattice the picture: solve, show it on the real display, photograph the glass"""
+    """Use the lattice as the picture, to photograph it through the real glass"""
 
     bl_idname = "kiriko.lattice_picture"
     bl_label = "Show Lattice"
@@ -321,15 +316,15 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
                 scene.kiriko.picture_image = image
                 for one in scene.kiriko.viewers:
                     one.image = one.image and image
-                where = Message("the scene's picture")
+                where = quoted([image.name])
             else:
                 picture = next(iter(needed.parts(scene)["PICTURE"]))
                 image = encoded_image(NAME, lattice.image(*_pixels(context, picture), style))
                 picture.kiriko.image, where = image, quoted([picture.name])
 
             text = Message(
-                "The lattice is in {where}: solve, show it on the display, and photograph"
-                " the view.",
+                "{where} shows the lattice: solve, show it on the display, and photograph the"
+                " view.",
                 where=where,
             )
             telling.report(self, "INFO", text)
@@ -340,13 +335,11 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
 
 def without_offset(scene: bpy.types.Scene) -> list[str]:
     """The reason why nothing can be done with an offset, where there is none."""
-    return (
-        [] if scene.kiriko.calibration.offset else [Message("No calibration is kept as an offset")]
-    )
+    return [] if scene.kiriko.calibration.offset else [Message("There is no calibration to apply")]
 
 
 class KIRIKO_OT_apply_calibration(bpy.types.Operator):
-    """Move the objects and set their optics as the calibration's offset says; the offset goes"""
+    """Move the objects and set their optics as the calibration found them"""
 
     bl_idname = "kiriko.apply_calibration"
     bl_label = "Apply to Scene"
@@ -375,7 +368,7 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
                     self,
                     "INFO",
                     Message(
-                        "The scene is now as {n} calibration{s} found the bench.",
+                        "Applied {n} calibration{s} to the scene.",
                         n=n,
                         s="s" if n > 1 else "",
                     ),
@@ -387,7 +380,7 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
 
 
 class KIRIKO_OT_remove_calibration(bpy.types.Operator):
-    """Forget the calibration's offset: the rig is as the scene shows it"""
+    """Remove the calibration"""
 
     bl_idname = "kiriko.remove_calibration"
     bl_label = "Remove Offset"
@@ -400,5 +393,5 @@ class KIRIKO_OT_remove_calibration(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         ours = context.scene.kiriko.calibration
         ours.offset = ours.found = ""
-        telling.report(self, "INFO", Message("The offset is gone: solve again."))
+        telling.report(self, "INFO", Message("Calibration removed: solve again."))
         return {"FINISHED"}

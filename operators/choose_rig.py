@@ -82,7 +82,7 @@ def follow_selection() -> None:
 
 
 class KIRIKO_OT_choose_rig(bpy.types.Operator):
-    """Show another rig of the scene, with its own settings and its own result"""
+    """Switch to another rig of the scene"""
 
     bl_idname = "kiriko.choose_rig"
     bl_label = "Choose Rig"
@@ -107,7 +107,7 @@ class KIRIKO_OT_choose_rig(bpy.types.Operator):
 
 
 class KIRIKO_OT_part_copies(bpy.types.Operator):
-    """Make copies of the rig's parts, as by Shift D, a rig of their own, with the same settings"""
+    """Make a rig of the selected copies of this rig's parts, with the same settings"""
 
     bl_idname = "kiriko.part_copies"
     bl_label = "Duplicate Rig"
@@ -117,7 +117,7 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         rig = active_rig(context.scene)
         has_copies = rig is not None and rig.is_editable and is_doubled(context.scene)
-        told = Message("There are no copies of the rig's display and picture")
+        told = Message("Select copies of the rig's display and picture first")
         reasons = [] if has_copies else [told]
         if work.is_busy():
             reasons.append(needed.AT_WORK)
@@ -130,7 +130,7 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
             things = meant_copies(context.scene, rig, context.selected_objects)
             name = part_copies(rig, things)
             choose_by_name(context, name)
-            told = Message("The copies are the rig '{name}' now: solve it.", name=name)
+            told = Message("The copies are now the rig '{name}'. Press Solve.", name=name)
             telling.report(self, "INFO", told)
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -145,7 +145,7 @@ def choose_by_name(context: bpy.types.Context, name: str) -> None:
     found = {rig.name: rig for rig in rigs(scene)}
     if name not in found:
         raise RigError(
-            "The scene has no rig '{name}': there are {names}.",
+            "The scene has no rig '{name}', only {names}.",
             name=name,
             names=quoted(found) or Message("none"),
         )
@@ -181,30 +181,26 @@ class EndsWithRig:
             return
         scene, (_, uid) = self.own_scene(), self._began_with
         if context is not None and context.scene != scene:
-            raise RigError(
-                "{button} began in the scene '{scene}', and another one is shown: begin again.",
-                button=as_message(self.bl_label),
-                scene=scene.name,
-            )
+            raise self._interrupted()
         if rig_uid(scene) == uid:
             return
         rig = next((rig for rig in rigs(scene) if rig.session_uid == uid), None)
         if rig is None:
-            raise RigError(
-                "The rig with which {button} began is gone: begin again.",
-                button=as_message(self.bl_label),
-            )
+            raise self._interrupted()
         choose(scene, rig)
+
+    def _interrupted(self) -> RigError:
+        return RigError(
+            "{button} stopped because its scene or rig was switched or deleted: start it again.",
+            button=as_message(self.bl_label),
+        )
 
     def own_scene(self) -> bpy.types.Scene:
         """The scene with which it began; RigError where that is gone."""
         uid = self._began_with[0]
         scene = next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
         if scene is None:
-            raise RigError(
-                "The scene with which {button} began is gone: begin again.",
-                button=as_message(self.bl_label),
-            )
+            raise self._interrupted()
         return scene
 
 
@@ -223,8 +219,8 @@ def find_scene(context: bpy.types.Context, rig: str | None) -> Iterator[str]:
     windows = context.window_manager.windows
     if len(found) > 1 or not windows:
         raise RigError(
-            "The scene '{name}' has no such rig; there is one in {names}: choose a scene by"
-            " --scene, before --command.",
+            "The scene '{name}' has no such rig; {names} has one: choose a scene by --scene,"
+            " before --command.",
             name=context.scene.name,
             names=quoted(scene.name for scene in found),
         )

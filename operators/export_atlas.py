@@ -56,16 +56,14 @@ def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) 
     width, height = displays[0].kiriko.resolution
     n_pixels = width * height
     n = len(HeadGrid(box))
-    told = [Message("At least {n} places of the head, of {most} at most.", n=n, most=most)]
+    told = [Message("At least {n} of {most} places.", n=n, most=most)]
     size = n_pixels * (BYTES + BYTES_A_PIXEL * has_images) / 1e6
     told.append(
-        Message(
-            "Each takes up to {mb} MB, {all} MB for these.", mb=number(size), all=number(n * size)
-        )
+        Message("Up to {mb} MB each, {all} MB in all.", mb=number(size), all=number(n * size))
     )
     details = StoredNumbers.read(scene.kiriko.result.details).by_name
     if "tracing" not in details.get("seconds", {}) or "total_seconds" not in details:
-        told.append(Message("Solve the rig anew to see here how long each takes."))
+        told.append(Message("Solve again to see the time each needs."))
         return told
 
     # an atlas is of one of the viewers
@@ -74,8 +72,7 @@ def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) 
     n_made = n + 1 + 2 * len(box.axes) + CHECKED
     told.append(
         Message(
-            "Each takes about {seconds} s, by the last solve: {minutes} min for these, with the"
-            " plan and the check.",
+            "About {seconds} s each, {minutes} min in all.",
             seconds=number(each),
             minutes=number(n_made * each / 60),
         )
@@ -121,8 +118,8 @@ def atlas_report(atlas: Atlas, target: Path) -> Message:
     """The sentence at the end of an atlas that was checked."""
     found = atlas.checked
     return Message(
-        "Wrote {n} maps to '{folder}': heads between them are {off:.2g} px off at most, {share}"
-        " of the pixels are at borders.",
+        "Wrote {n} maps to '{folder}'. Between them the error is {off:.2g} px at most; {share} of"
+        " the pixels are at borders.",
         n=len(atlas.grid),
         folder=target,
         off=found["most_px"],
@@ -283,7 +280,7 @@ def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, 
     if arguments.share is not None:
         numbers = atlases.share(atlas, *arguments.share)
     n = yield from to_folder.told_in_tenths(atlases.made(making, atlas, numbers))
-    yield Message("wrote {n} maps to '{folder}'", n=n, folder=arguments.out)
+    yield Message("wrote {n} files to '{folder}'", n=n, folder=arguments.out)
 
 
 def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
@@ -324,7 +321,7 @@ def _write_job(arguments: argparse.Namespace, making: Making) -> Generator[str, 
 
 
 class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
-    """Write warp maps for a head that moves: over a box of its places, as many as are needed"""
+    """Write warp maps for a moving head, at as many places in a box as needed"""
 
     bl_idname = "kiriko.export_atlas"
     bl_label = "Export Atlas"
@@ -332,21 +329,20 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
 
     low: bpy.props.FloatVectorProperty(
         name="From",
-        description="Where the head's box begins, from the viewer's place along its own axes:"
-        " to the left and down and back is below 0",
+        description="First corner of the head's box, relative to the viewer: right, up, forward",
         subtype="TRANSLATION",
         unit="LENGTH",
     )
     high: bpy.props.FloatVectorProperty(
         name="To",
-        description="Where the head's box ends: to the right, up and forward is above 0",
+        description="Opposite corner of the head's box, relative to the viewer: right, up, forward",
         subtype="TRANSLATION",
         unit="LENGTH",
     )
     tolerance: bpy.props.FloatProperty(
         name="Tolerance",
-        description="Pixels of the picture by which a map that is blended between two places may"
-        " be off: less takes more places",
+        description="Allowed error of a map blended from two places, in picture pixels. Smaller"
+        " needs more places",
         subtype="PIXEL",
         default=TOLERANCE,
         min=1e-3,
@@ -354,27 +350,28 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
     )
     most: bpy.props.IntProperty(
         name="Most Places",
-        description="More are refused, before any is made",
+        description="Largest number of places",
         default=MOST,
         min=2,
     )
     images: bpy.props.BoolProperty(
         name="Source Images",
-        description="Write the source image of each place, too, for programs that show the nearest",
+        description="Also write a source image for each place, for programs that show the nearest"
+        " one",
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
-        description="Replace the atlas of another rig that is there already",
+        description="Replace existing files",
         options={"SKIP_SAVE", "HIDDEN"},
     )
     job: bpy.props.BoolProperty(
         name="As a Job",
-        description="Write a job for a render farm in its place, whose tasks make the atlas",
+        description="Write a render farm job that makes the atlas",
         options={"SKIP_SAVE"},
     )
     shares: bpy.props.IntProperty(
         name="Tasks",
-        description="How many tasks of the job share the places of the head",
+        description="Tasks that share the places",
         default=SHARES,
         min=1,
         max=MOST_TASKS,

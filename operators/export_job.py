@@ -156,7 +156,7 @@ def all_rigs(context: bpy.types.Context) -> tuple[TaskChoice, ...]:
 
 def viewers_of_all(remedy: str) -> RigError:
     """The error that viewers of all rigs are asked for; `remedy` ends its sentence."""
-    return RigError("The viewers of a job are those of one rig: {remedy}.", remedy=remedy)
+    return RigError("A job for each viewer needs a single rig: {remedy}.", remedy=remedy)
 
 
 def frames_of_scene(scene: bpy.types.Scene) -> str:
@@ -265,30 +265,27 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
     )
     frames: bpy.props.StringProperty(
         name="Frames",
-        description="The frames that are solved, such as 1-250:2 or 1,5,10-20; the scene's range"
-        " when empty",
+        description="Frames to solve, such as 1-250:2 or 1,5,10-20; empty for the scene's range",
         options={"SKIP_SAVE"},
     )
     chunk: bpy.props.IntProperty(
         name="Frames a Task",
-        description="How many frames a worker solves from one start of Blender",
+        description="Frames solved in each start of Blender",
         default=CHUNK,
         min=1,
         soft_max=1000,
     )
     every_rig: bpy.props.BoolProperty(
         name="Every Rig",
-        description="Tasks for all rigs of the scene, each with a folder of its name; else for the"
-        " active one",
+        description="Solve all rigs of the scene, each to its own folder",
     )
     every_viewer: bpy.props.BoolProperty(
         name="Every Viewer",
-        description="Tasks that solve for one of several viewers alone, each with a folder of its"
-        " name; else each task solves for all at once",
+        description="Solve each viewer separately, to its own folder",
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
-        description="Replace a job that is there already",
+        description="Replace existing files",
         options={"SKIP_SAVE", "HIDDEN"},
     )
     filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})

@@ -158,11 +158,11 @@ def left_out(options: MapOptions) -> list[Message]:
     """A sentence on the format that `writable` leaves out, if it is wanted."""
     if image_io.has_openimageio() or "EXR" not in options.formats:
         return []
-    return [Message("This Blender's Python has no OpenImageIO, which writes .exr.")]
+    return [Message("This Blender can't write .exr: OpenImageIO is missing.")]
 
 
 def _memory(size: float) -> Message:
-    return Message("Takes about {gb} GB of memory.", gb=number(size / 1e9))
+    return Message("Needs about {gb} GB of memory.", gb=number(size / 1e9))
 
 
 def files_in(about: dict[str, Any]) -> list[str]:
@@ -205,29 +205,28 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
 
     formats: bpy.props.EnumProperty(
         name="Formats",
-        description="Which files are written",
+        description="Files to write",
         items=FORMAT_ITEMS,
         options={"ENUM_FLAG"},
         default={"EXR"},
     )
     overscan: bpy.props.FloatProperty(
         name="Overscan",
-        description="By how much the images that will be warped are larger than the picture, at"
-        " each side",
+        description="Margin around the picture in the images to warp, at each side",
         subtype="PERCENTAGE",
         min=0.0,
         max=MOST_OVERSCAN,
     )
     times: bpy.props.EnumProperty(
         name="ffmpeg Size",
-        description="How many times as large as the display the maps for ffmpeg are: its filter"
-        " reads the nearest pixel, and more of them are smoother and slower",
+        description="Size of the maps for ffmpeg, relative to the display. Larger is smoother and"
+        " slower",
         items=[(str(n), f"{n} x", "") for n in TIMES],
         default="2",
     )
     mesh_step: bpy.props.FloatProperty(
         name="Mesh Step",
-        description="Display pixels between the nodes of a mesh: smaller is nearer to the map",
+        description="Distance between mesh vertices in display pixels. Smaller is more exact",
         subtype="PIXEL",
         default=8.0,
         min=1.0,
@@ -235,7 +234,7 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
-        description="Replace files that are there already, and remove others of earlier maps",
+        description="Replace existing files",
         options={"SKIP_SAVE", "HIDDEN"},
     )
     in_dialogue = ("formats", "overscan", "times", "mesh_step")
@@ -279,9 +278,8 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
             )
 
         text = Message(
-            "Wrote {files} and {sidecar} to '{folder}'.",
-            files=", ".join(files_in(about)),
-            sidecar=SIDECAR,
+            "Wrote {names} to '{folder}'.",
+            names=", ".join([*files_in(about), SIDECAR]),
             folder=target,
         )
         return joined([text, *left_out(options)])

@@ -57,7 +57,7 @@ class KIRIKO_OT_remove_visible_range(Remove, bpy.types.Operator):
 
 
 class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
-    """Add a surface that shows where the picture is seen, at the viewer's distance, how bright"""
+    """Show where the picture is visible from, and how bright it is, as a surface"""
 
     bl_idname = "kiriko.visible_range"
     bl_label = "Visible Range"
@@ -65,7 +65,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
 
     share: bpy.props.FloatProperty(
         name="Share",
-        description="Share of the picture that has to be seen from a place for it to count",
+        description="Part of the picture that must be visible",
         subtype="FACTOR",
         default=0.95,
         min=0.01,
@@ -86,8 +86,8 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
         is_seen = found.share >= self.share
         if not (is_seen[:-1, :-1] & is_seen[1:, :-1] & is_seen[:-1, 1:] & is_seen[1:, 1:]).any():
             raise RigError(
-                "No place within {angle:.0f} degrees shows {share} of the picture, the best"
-                " one {best}: enlarge the display{plate}, or ask for less.",
+                "Nowhere within {angle:.0f} degrees is {share} of the picture visible, only"
+                " {best}: enlarge the display{plate}, or lower Share.",
                 angle=np.degrees(SURVEY.farthest_rad),
                 share=percent(self.share),
                 best=percent(found.best),
@@ -103,15 +103,14 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
             return Message(
-                "'{name}' marks the places that see {share} of the picture; the viewer is"
-                " at none of them.",
+                "'{name}' marks where {share} of the picture is visible. The viewer is outside it.",
                 name=thing.name,
                 share=percent(self.share),
             )
 
         return Message(
-            "{share} of the picture is seen from {left:.1f} degrees left of the viewer to"
-            " {right:.1f} right, and from {down:.1f} below to {up:.1f} above: '{name}'.",
+            "{share} of the picture is visible from {left:.1f} degrees left to {right:.1f} right"
+            " of the viewer, and {down:.1f} below to {up:.1f} above: '{name}'.",
             share=percent(self.share),
             left=left,
             right=right,
@@ -124,8 +123,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
 DISPLACEMENT = "displacement"  # arcmin, at the surface's points
 SERVED = "head_box"  # among the numbers
 BLENDED = Message(
-    "Blended shows double edges: what is told here is how far off their middle is, as Sharp shows"
-    " it."
+    "Blended shows double edges. The figures apply to their centre, as shown by Sharp."
 )
 NUMBERS = "kiriko_eye_box"  # the surface's own property that keeps them, as text
 # of the progress, when the box is found, and when its surface is: the rest is the viewers' box
@@ -139,7 +137,7 @@ class OffFromStartError(RigError):
 
 
 class KIRIKO_OT_remove_eye_box(Remove, bpy.types.Operator):
-    """Remove the surface of the eye box, and its numbers"""
+    """Remove the eye box's surface and figures"""
 
     bl_idname = "kiriko.remove_eye_box"
     bl_label = "Remove Eye Box"
@@ -148,7 +146,7 @@ class KIRIKO_OT_remove_eye_box(Remove, bpy.types.Operator):
 
 
 class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
-    """Tell how far the viewer's head may go each way, and add a surface through these places"""
+    """Find how far the viewer's head may move, and show the range as a surface"""
 
     bl_idname = "kiriko.eye_box"
     bl_label = "Eye Box"
@@ -156,7 +154,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
 
     limit: bpy.props.FloatProperty(
         name="Limit",
-        description="Minutes of arc by which a point of the picture may be off",
+        description="Allowed error of a point of the picture, in arcminutes",
         default=LIMIT,
         min=1e-3,
         soft_min=0.1,
@@ -167,8 +165,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
     )
     share: bpy.props.FloatProperty(
         name="Share",
-        description="Share of the picture that has to be seen, of that which the viewer sees from"
-        " its own place",
+        description="Part of the picture that must stay visible",
         subtype="FACTOR",
         default=LEAST,
         min=0.01,
@@ -200,7 +197,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         if not bpy.app.background:
             framing.bring_into_sight(context, thing)  # it is around the viewer, far from the bench
         told = Message(
-            "Within {limit} arcmin the head of '{viewer}' may go {ways}: '{name}'.",
+            "The head of '{viewer}' may move {ways} within {limit} arcmin: '{name}'.",
             limit=number(self.limit),
             viewer=viewer,
             ways=joined(ways_in_words(scene, numbers), ", "),
@@ -212,13 +209,13 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
 def check_limit(limit: float) -> None:
     """Raise RigError where a limit, arcmin, is none, as scripts may set."""
     if not 0 < limit < float("inf"):  # nor NaN
-        raise RigError("The limit {limit:g} is no angle: set one above 0 arcmin.", limit=limit)
+        raise RigError("The limit is {limit:g} arcmin: set it above 0.", limit=limit)
 
 
 def check_share(share: float) -> None:
     """Raise RigError where a share of the picture is none, as scripts may set."""
     if not 0 < share <= 1:  # nor NaN
-        raise RigError("The share {share:g} is none: set one above 0, up to 1.", share=share)
+        raise RigError("The share is {share:g}: set it above 0, up to 1.", share=share)
 
 
 def of_blended(scene: bpy.types.Scene) -> list[Message]:
@@ -237,8 +234,7 @@ def begin(walk: Walk) -> Steps[None]:
     viewer = walk.plan.viewer.name
     if not walk.seen:
         raise RigError(
-            "The viewer '{viewer}' sees nothing of the picture from its own place: move it, or"
-            " enlarge the display.",
+            "The viewer '{viewer}' can't see the picture: move it, or enlarge the display.",
             viewer=viewer,
         )
     if walk.begun > 1:
@@ -282,20 +278,18 @@ def served_in_words(box: dict[str, Any]) -> list[Message]:
     everyone, middle = served["for_all"], served["for_middle"]
     return [
         Message(
-            "Heads over the box of {n} viewers see the picture off by {mean} arcmin, at most"
-            " {largest}.",
+            "In the box of {n} viewers the error is {mean} arcmin on average, {largest} at most.",
             n=served["n_viewers"],
             mean=number(everyone["mean_arcmin"]),
             largest=number(everyone["largest_arcmin"]),
         ),
         Message(
-            "Solved for the middle of the box alone: {mean} arcmin, at most {largest}.",
+            "Solved for its centre only: {mean} arcmin, {largest} at most.",
             mean=number(middle["mean_arcmin"]),
             largest=number(middle["largest_arcmin"]),
         ),
         Message(
-            "A head in the middle sees it off by {mean} arcmin, solved for the middle alone by"
-            " {alone}.",
+            "At the centre the error is {mean} arcmin, or {alone} if solved for it only.",
             mean=number(everyone["middle_mean_arcmin"]),
             alone=number(round(middle["middle_mean_arcmin"], 6)),  # 0, but for rounding
         ),
@@ -306,7 +300,7 @@ def ways_in_words(scene: bpy.types.Scene, box: dict[str, Any]) -> list[Message]:
     """How far the head may go, in three lines, in the scene's unit."""
     names = ("left", "right", "up", "down", "nearer", "farther")
     lengths = {
-        name: Message("{length} and more", length=text) if is_open else text
+        name: Message("over {length}", length=text) if is_open else text
         for name, is_open in zip(names, box["is_open"], strict=True)
         for text in [length_text(scene, box[name])]
     }

@@ -25,7 +25,7 @@ def share(default: float) -> bpy.props.FloatProperty:
     """The property for the share of the light that has to arrive."""
     return bpy.props.FloatProperty(
         name="Share",
-        description="Of the light that can get through, the share that has to arrive",
+        description="Part of the available light that must arrive",
         subtype="FACTOR",
         default=default,
         min=0.5,
@@ -45,7 +45,7 @@ class FitsPart(long_work.LongWork):
 
     move: bpy.props.BoolProperty(
         name="Move",
-        description="Move its middle, too, where it can then be smaller, or the picture larger",
+        description="Also move it if that allows a better size",
         default=False,
     )
 
@@ -77,9 +77,7 @@ class FitsPart(long_work.LongWork):
         try:
             scale_by(context, thing, fitted.size, is_moved * fitted.shift / metres)
         except RigError as why:
-            raise RigError(
-                "'{name}' keeps its size, for {why}.", name=thing.name, why=why
-            ) from None
+            raise RigError("'{name}' keeps its size: {why}.", name=thing.name, why=why) from None
         work.forget_report(scene)
         changed = self._changed(scene, thing, fitted, is_moved)
         return joined([changed, *_limit(scene, fitted)])
@@ -94,46 +92,45 @@ class FitsPart(long_work.LongWork):
         number = names.index(active.name) if active is not None and active.name in names else 0
         thing = context.scene.objects.get(names[number])
         if thing is None or thing.kiriko.role != self.role:
-            raise RigError("'{name}' keeps its size, for it is an instance.", name=names[number])
+            raise RigError(
+                "'{name}' keeps its size: {why}.",
+                name=names[number],
+                why=Message("it is an instance"),
+            )
         if not thing.is_editable:
             raise RigError(
-                "'{name}' keeps its size, for it is linked from another file.", name=thing.name
+                "'{name}' keeps its size: {why}.",
+                name=thing.name,
+                why=Message("it is linked from another file"),
             )
         return number, thing
 
     def _unchanged(self, thing: bpy.types.Object, fitted: Fitted) -> Message:
-        if listed(fitted.lost):
-            self.level = "WARNING"
-            return Message(
-                "'{name}' is as large as it has to be, but {lost}.",
-                name=thing.name,
-                lost=listed(fitted.lost),
-            )
-        return Message("'{name}' is as large as it has to be.", name=thing.name)
+        text = Message("'{name}' already has the right size.", name=thing.name)
+        if not listed(fitted.lost):
+            return text
+        self.level = "WARNING"
+        return joined([text, Message("Still {lost}.", lost=listed(fitted.lost))])
 
     def _changed(
         self, scene: bpy.types.Scene, thing: bpy.types.Object, fitted: Fitted, is_moved: bool
     ) -> Message:
         """The change, and the share of the picture that arrives since."""
-        more = fitted.more
         text = Message(
-            "'{name}' is {width} wide now, {change} {more}: {after} of the picture arrives,"
-            " {before} before.",
+            "'{name}' is now {width} wide: {after} of the picture arrives ({before} before).",
             name=thing.name,
             width=length_text(scene, fitted.width),
-            change=length_text(scene, abs(more)),
-            more=Message("more") if more > 0 else Message("less"),
             after=percent(fitted.after),
             before=percent(fitted.before),
         )
         if is_moved:
             length = length_text(scene, float(np.linalg.norm(fitted.shift)))
-            text = joined([text, Message("Its middle moved by {length}.", length=length)])
+            text = joined([text, Message("Its centre moved by {length}.", length=length)])
         if listed(fitted.lost):
             text = joined([text, Message("Still {lost}.", lost=listed(fitted.lost))])
         if 0 < fitted.for_most < SMALLER * fitted.width:
             hint = Message(
-                "{share} of that light needs {width}: lower Share for less.",
+                "{share} of the light needs only {width}: lower Share.",
                 share=percent(MOST),
                 width=length_text(scene, fitted.for_most),
             )
@@ -146,7 +143,7 @@ def _limit(scene: bpy.types.Scene, fitted: Fitted) -> list[Message]:
     if not fitted.limit:
         return []
     width = length_text(scene, fitted.limit)
-    return [Message("A limit was reached: a width above {width} is not tried.", width=width)]
+    return [Message("Widths above {width} are not tried.", width=width)]
 
 
 def parts_of(rig: Rig, role: str) -> tuple[Any, ...]:
@@ -155,7 +152,7 @@ def parts_of(rig: Rig, role: str) -> tuple[Any, ...]:
 
 
 class KIRIKO_OT_fit_display(FitsPart, bpy.types.Operator):
-    """Make the display as large as the light of the picture needs that comes to its plane"""
+    """Resize the display to just receive the picture's light"""
 
     bl_idname = "kiriko.fit_display"
     bl_label = "Fit Display"
@@ -170,7 +167,7 @@ class KIRIKO_OT_fit_display(FitsPart, bpy.types.Operator):
 
 
 class KIRIKO_OT_fit_plate(FitsPart, bpy.types.Operator):
-    """Make the plate as large as the light of the picture needs that it sends to the display"""
+    """Resize the plate to just pass the picture's light"""
 
     bl_idname = "kiriko.fit_plate"
     bl_label = "Fit Plate"
@@ -182,7 +179,7 @@ class KIRIKO_OT_fit_plate(FitsPart, bpy.types.Operator):
 
 
 class KIRIKO_OT_fit_picture_size(FitsPart, bpy.types.Operator):
-    """Make the picture as large as gets through the glass to the display, up to twice its size"""
+    """Resize the picture to the largest that gets through the glass"""
 
     bl_idname = "kiriko.fit_picture_size"
     bl_label = "Fit Picture"
@@ -194,7 +191,7 @@ class KIRIKO_OT_fit_picture_size(FitsPart, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.kiriko.picture_source == "IMAGE":
-            reason = Message("The picture is in the viewer's own pixels and has no size")
+            reason = Message("The picture is an image in the viewer's pixels and has no size")
             return needed.can_run(cls, [reason])
         return super().poll(context)
 

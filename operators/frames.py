@@ -515,7 +515,7 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
             raise ImageError("No file is chosen for the movie.")
         wish = self._wish(context)
         with self.run_of(context) as run, folder.made(wish.file.parent):
-            yield from made(context, run, wish, self.tally, Message("allow overwriting"))
+            yield from made(context, run, wish, self.tally, Message("set Overwrite"))
             remarks = self.tally.of_movies
             if warning := choose_picture.other_rate(context):
                 remarks.append(warning)

@@ -56,14 +56,14 @@ def status(scene: bpy.types.Scene | None = None) -> tuple[str, bool]:
     if live.problem:
         return live.problem, True
     if needed.sculpting(bpy.context):
-        return Message("Live: goes on as you leave sculpt mode."), False
+        return Message("Live: waiting for you to leave Sculpt Mode."), False
     if live.progress is not None:
         percent = 100 * live.progress
-        return Message("Live: updating, {percent:.0f} %.", percent=percent), False
+        return Message("Live: updating, {percent:.0f} %", percent=percent), False
     if live.phrase:  # the same as in the status bar
         return Message("Live: {phrase}...", phrase=live.phrase), False
     if live.is_working or not live.has_read:
-        return Message("Live: updating."), False
+        return Message("Live: updating..."), False
     if live.seconds is None:  # what was there is that of the scene
         return Message("Live: up to date."), False
 
@@ -152,14 +152,7 @@ def tick() -> float | None:
         return None
 
     if wait is None:
-        scene = _scene_of(_lives[0])
-        stop(
-            Message("Live stopped: its scene was deleted.")
-            if scene is None
-            else Message(
-                "Live stopped: no window shows the scene '{name}' any more.", name=scene.name
-            )
-        )
+        stop(Message("Live stopped: its scene is no longer open."))
 
     return wait
 
@@ -192,7 +185,7 @@ def on_save(*_: object) -> None:
 
 
 @persistent
-def on_load(path: str, *_: object) -> None:
+def on_load(*_: object) -> None:
     """Another file takes the place of all that was followed, or the same one as it was saved, so
     nothing need be packed.
 
@@ -202,13 +195,7 @@ def on_load(path: str, *_: object) -> None:
     for live in _lives:
         _left[live.uid] = live.is_unpacked
         live.is_unpacked = False
-    is_same = bool(path) and path == bpy.data.filepath  # as by Revert
-    why = (
-        Message("Live stopped: the file was loaded again.")
-        if is_same
-        else Message("Live stopped: another file was loaded.")
-    )
-    stop(why if _lives else "")
+    stop(Message("Live stopped: a file was loaded.") if _lives else "")
 
 
 @persistent
@@ -243,7 +230,7 @@ OF_FILES = (("load_pre", on_load), ("load_post_fail", on_load_failed))
 
 
 class KIRIKO_OT_live(bpy.types.Operator):
-    """Follow every change with a new source image, coarse first, then finer; press again to stop"""
+    """Update the source image after every change; press again to stop"""
 
     bl_idname = "kiriko.live"
     bl_label = "Live"

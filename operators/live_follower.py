@@ -64,9 +64,9 @@ class NextStep:
 READING = Message("reading the scene")
 WRITING = Message("writing the source image")
 COMPARING = Message("comparing before and after")
-REMEDIES = Message("looking for remedies")
+REMEDIES = Message("finding remedies")
 VIEWERS = Message("comparing the viewers")
-GLASS = Message("comparing the glass with that of Cycles")
+GLASS = Message("comparing the glass with Cycles")
 
 
 class Live:
@@ -343,7 +343,7 @@ class Live:
             if is_last
             else session.solve_preview(rig, settings)
         )
-        phrase = Message("solving") if is_built else Message("solving for changed glass")
+        phrase = Message("solving")
         # solved with these sizes before, it may take a step
         # more than then, which is no reason to speak
         guess = 0.0 if NextStep(phrase, (*sizes, 0)) in self._lasted else 2 * LONG

@@ -236,14 +236,15 @@ class LongWork:
         """Report a stop by Esc, and the thing that stays all the same."""
         stays = self.stays()
         if not stays:
-            report(self, "INFO", Message("Stopped; the scene is as it was."))
+            report(self, "INFO", Message("Stopped. The scene is unchanged."))
             return {"CANCELLED"}
 
         report(
             self,
             "INFO",
             Message(
-                "Stopped; {thing} stays: Undo brings back what was there, {button} makes it final.",
+                "Stopped; {thing} was kept. Undo to restore the previous image, or press {button}"
+                " to finish.",
                 thing=stays,
                 button=as_message(self.bl_label),
             ),
@@ -268,11 +269,7 @@ class LongWork:
             redraw_sidebars()
         self.progress = progress
         stays = self.stays()
-        stop = (
-            Message("shown is {thing}, Esc keeps it", thing=stays)
-            if stays
-            else Message("Esc stops")
-        )
+        stop = Message("Esc keeps {thing}", thing=stays) if stays else Message("Esc stops")
         text = Message(
             "Kiriko: {button} {percent:.0f} %   ({stop})",
             button=as_message(self.bl_label),

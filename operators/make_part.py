@@ -33,7 +33,7 @@ ROLES_MADE = tuple((role.name, role.label, "") for role in ROLES if role.name in
 
 
 class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
-    """Make this part of the rig anew, where the others ask for it, as large as the light needs"""
+    """Make a new part in the right place and size"""
 
     bl_idname = "kiriko.make_part"
     bl_label = "Make Part"
@@ -53,7 +53,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         rig = read_places(context.evaluated_depsgraph_get(), scene, PlaceCache())
         role = next(role for role in ROLES if role.name == self.role)
         if rig.of(role):
-            raise RigError("The rig has a {noun} already.", noun=role.noun)
+            raise RigError("The rig already has a {noun}.", noun=role.noun)
         stand = stand_of(self.role, rig)
         source = scene.kiriko.result.source
         pixels = tuple(source.size) if source is not None and all(source.size) else PIXELS
@@ -65,9 +65,9 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         thing = self._made(scene, stand, side, pixels, metres)
         context.view_layer.update()
         if self.role == "VIEWER":
-            return Message("'{name}' is made anew.", name=thing.name)
+            return Message("Made '{name}'.", name=thing.name)
         return Message(
-            "'{name}' is made anew, {width} wide.",
+            "Made '{name}', {width} wide.",
             name=thing.name,
             width=length_text(scene, side),
         )
@@ -133,7 +133,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
 
 
 class KIRIKO_OT_use_part(MendsPart, bpy.types.Operator):
-    """Make this object the glass of the rig"""
+    """Use this object as the rig's glass"""
 
     bl_idname = "kiriko.use_part"
     bl_label = "Use as Glass"
@@ -143,11 +143,11 @@ class KIRIKO_OT_use_part(MendsPart, bpy.types.Operator):
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         (own,) = overridden(context.scene, (thing,))
         own.kiriko.role = "GLASS"
-        return Message("'{name}' is glass of the rig now.", name=thing.name)
+        return Message("'{name}' is now the rig's glass.", name=thing.name)
 
 
 class KIRIKO_OT_go_without_plate(bpy.types.Operator):
-    """Have the rig be one without a plate, in which light goes straight from display to glass"""
+    """Use no plate: light goes straight from the display to the glass"""
 
     bl_idname = "kiriko.go_without_plate"
     bl_label = "Remove Plate"
@@ -156,9 +156,9 @@ class KIRIKO_OT_go_without_plate(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         is_lost = needed.has_lost_plate(context.scene)
-        return needed.can_run(cls, [] if is_lost else [Message("The rig misses no plate")])
+        return needed.can_run(cls, [] if is_lost else [Message("The rig's plate isn't missing")])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         active_rig(context.scene).kiriko.has_plate = False
-        telling.report(self, "INFO", Message("The rig does without a plate now."))
+        telling.report(self, "INFO", Message("The rig now works without a plate."))
         return {"FINISHED"}

@@ -57,39 +57,40 @@ class MendsPart(NamesPart):
 def _check_own(thing: bpy.types.Object, block: bpy.types.ID) -> None:
     """Refuse what another file holds of an object, under the name that the artist knows."""
     if not block.is_editable:
-        raise RigError("'{name}' is linked from another file: mend it there.", name=thing.name)
+        raise RigError("'{name}' is linked from another file: change it there.", name=thing.name)
 
 
 def _check_faces(thing: bpy.types.Object, has_faces: object) -> None:
     """MeshError where there is nothing to mend."""
     if not has_faces:
         raise MeshError(
-            "'{name}' has no faces that can be mended: draw some, or apply the modifiers that make"
-            " them.",
+            "'{name}' has no faces of its own: apply the modifiers that make them.",
             name=thing.name,
         )
 
 
 class KIRIKO_OT_leave_out(MendsPart, bpy.types.Operator):
-    """Make this object no part of the rig; it stays where it is"""
+    """Take this object out of the rig; it stays in the scene"""
 
     bl_idname = "kiriko.leave_out"
     bl_label = "Leave Out"
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         thing.kiriko.role = "NONE"
-        return Message("'{name}' is no part of the rig now: its role is None.", name=thing.name)
+        return Message("'{name}' is no longer in the rig.", name=thing.name)
 
 
 class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
-    """Give a flat object a thickness, or one of a single surface walls, by a Solidify modifier"""
+    """Give a flat or open object thickness with a Solidify modifier"""
 
     bl_idname = "kiriko.thicken"
     bl_label = "Thicken"
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type not in {"MESH", "CURVE", "SURFACE", "FONT"}:
-            raise RigError("'{name}' can have no modifier: turn it into a mesh.", name=thing.name)
+            raise RigError(
+                "'{name}' isn't a mesh: convert it with Object > Convert > Mesh.", name=thing.name
+            )
         sides = sides_of(context.scene, thing) or tuple(thing.dimensions)
         _check_faces(thing, max(sides))
         size = abs(thing.matrix_world.to_3x3().determinant()) ** (1 / 3) or 1.0
@@ -97,7 +98,7 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
         modifier.thickness = (WALL if min(sides) else THICKNESS) * max(sides) / size
         modifier.offset = 0.0
         return Message(
-            "'{name}' has a thickness now: that of its modifier '{modifier}'.",
+            "Added the modifier '{modifier}' to '{name}'.",
             name=thing.name,
             modifier=modifier.name,
         )
@@ -113,7 +114,9 @@ class MendsMesh(MendsPart):
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type != "MESH":
-            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
+            raise MeshError(
+                "'{name}' isn't a mesh: convert it with Object > Convert > Mesh.", name=thing.name
+            )
         _check_own(thing, thing.data)
         _check_faces(thing, thing.data.polygons)
         return self.mend_mesh(thing, thing.data)
@@ -173,7 +176,7 @@ def _mark_sharp(mesh: bpy.types.Mesh) -> None:
 
 
 class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
-    """Merge by distance and close holes with faces, the mouth of a vessel, too"""
+    """Merge by distance and fill all holes, including the mouth of a vessel"""
 
     bl_idname = "kiriko.fill_holes"
     bl_label = "Fill Holes"
@@ -186,19 +189,19 @@ class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
             bmesh.ops.face_attribute_fill(shape, faces=made, use_normals=True, use_data=True)
         n = counts_of(mesh).n_open
         if n:
-            return Message("{n} edges of '{name}' are still open.", n=n, name=thing.name)
-        return Message("All holes of '{name}' are closed.", name=thing.name)
+            return Message("'{name}' still has {n} open edges.", n=n, name=thing.name)
+        return Message("Closed all holes of '{name}'.", name=thing.name)
 
 
 class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
-    """Recalculate the faces' normals, so that all look out of the glass"""
+    """Recalculate normals so that all faces point outward"""
 
     bl_idname = "kiriko.turn_out"
     bl_label = "Recalculate Normals"
 
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         _turn_out(mesh)
-        return Message("The faces of '{name}' look out now.", name=thing.name)
+        return Message("The faces of '{name}' now point outward.", name=thing.name)
 
 
 class KIRIKO_OT_shade_smooth(MendsMesh, bpy.types.Operator):
@@ -213,18 +216,18 @@ class KIRIKO_OT_shade_smooth(MendsMesh, bpy.types.Operator):
         _turn_out(mesh)
         mesh.shade_smooth()
         _mark_sharp(mesh)
-        return Message("'{name}' is shaded smooth now, but for its sharp edges.", name=thing.name)
+        return Message("'{name}' is now shaded smooth.", name=thing.name)
 
 
 class KIRIKO_OT_smooth_glass(MendsMesh, bpy.types.Operator):
-    """Smooth bumps that scatter the picture, by a Smooth modifier, and shade the faces smooth"""
+    """Smooth bumps that scatter the picture with a Smooth modifier, and shade smooth"""
 
     bl_idname = "kiriko.smooth_glass"
     bl_label = "Smooth Glass"
 
     iterations: bpy.props.IntProperty(
         name="Iterations",
-        description="Of the Smooth modifier: more make the glass smoother and smaller",
+        description="Of the Smooth modifier. More make the glass smoother and smaller",
         default=10,
         min=1,
         options={"SKIP_SAVE"},
@@ -238,14 +241,14 @@ class KIRIKO_OT_smooth_glass(MendsMesh, bpy.types.Operator):
         modifier = thing.modifiers.new("Smooth", "SMOOTH")
         modifier.factor, modifier.iterations = FACTOR, self.iterations
         return Message(
-            "'{name}' is smoothed now, by the modifier '{modifier}'.",
+            "Added the modifier '{modifier}' to '{name}'.",
             name=thing.name,
             modifier=modifier.name,
         )
 
 
 class KIRIKO_OT_rescale_scene(bpy.types.Operator):
-    """Change the scene's unit; parts that Add Rig made keep sizes that can be built"""
+    """Change the scene's unit scale; nothing moves in the viewport"""
 
     bl_idname = "kiriko.rescale_scene"
     bl_label = "Rescale Scene"
@@ -253,7 +256,7 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
 
     factor: bpy.props.FloatProperty(
         name="Factor",
-        description="Times as large as it was is the scene then",
+        description="New size relative to the present one",
         default=0.01,
         min=1e-6,
         max=1e6,
@@ -277,14 +280,14 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
             units.length_unit = "MILLIMETERS"
         work.forget_report(context.scene)
         text = Message(
-            "A unit of the scene is {length} now (Scene > Units), and all is {factor} times as"
-            " large.",
+            "One unit of the scene is now {length} (Scene > Units); everything is {factor} times"
+            " as large.",
             length=length_text(context.scene, unit),
             factor=f"{self.factor:g}",
         )
         with telling.errors_reported(self):
             if _keep_bench(context, before, unit):
-                text = joined([text, Message("The rig's own parts keep sizes that can be built.")])
+                text = joined([text, Message("Kiriko's own parts keep practical sizes.")])
             telling.report(self, "INFO", text)
         return {"FINISHED"}
 

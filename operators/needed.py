@@ -24,25 +24,23 @@ NEEDED = {
         for role in ROLES
         if role.remedy and role.number is not None
     },
-    "PICTURE": Message("No picture: set a textured plane's role to Picture, or choose an image"),
+    "PICTURE": Message("No picture: choose an image, or set a textured plane's role to Picture"),
     "VIEWER": Message("No viewer: choose a camera"),
 }
 MISSED = {role.name for role in ROLES if role.is_missed}
-NO_PLATE = Message("The rig's plate is gone: make it anew, or go without")
-NO_MIRRORS = Message(
-    "There is no plate whose mirrors could be simulated: Preview shows the viewer's image"
-)
-UNSOLVED = Message("There is no source image yet: solve first")
-NO_RIG = Message("The scene has no rig that Add Rig made")
+NO_PLATE = Message("The rig's plate is missing: make a new one, or remove it from the rig")
+NO_MIRRORS = Message("No plate with mirrors to simulate: use Preview")
+UNSOLVED = Message("No source image yet: solve first")
+NO_RIG = Message("Add a rig first")
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
-LEAVE_EDIT_MODE = Message("Leave edit mode first")
-LEAVE_SCULPT_MODE = Message("Leave sculpt mode first: Blender gives out no new shape before")
-AT_WORK = Message("Kiriko is at work: wait for it or press Esc")
-COARSE = Message("The source image is a coarse one: solve, or let Live finish")
-COMING = Message("This is a first, coarse source image: the final one follows.")
-NUMBERLESS = Message("The source image has no numbers yet: solve, or let Live finish")
-MEASURING = Message("The source image is final; its numbers follow.")
-LINKED = Message("The scene is linked from another file: open that file, or make the scene local")
+LEAVE_EDIT_MODE = Message("Leave Edit Mode first")
+LEAVE_SCULPT_MODE = Message("Leave Sculpt Mode first")
+AT_WORK = Message("Kiriko is busy: wait, or press Esc")
+COARSE = Message("The source image isn't final: press Solve, or let Live finish")
+COMING = Message("Rough preview; still solving...")
+NUMBERLESS = Message("The source image isn't final: press Solve, or let Live finish")
+MEASURING = Message("Final image; still measuring...")
+LINKED = Message("The scene is linked: open its file, or make it local")
 LONG = 1e-3  # s: a look for a rig that took longer is not repeated at once
 RESTING = 30.0  # times as long as it took
 _answers: dict[

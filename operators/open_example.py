@@ -60,7 +60,7 @@ HANDLERS = (("load_post", on_load),)
 
 
 class KIRIKO_OT_open_example(bpy.types.Operator):
-    """Open an example: glass with a rig around it, as a file without a name"""
+    """Open an example rig as a new, unsaved file"""
 
     bl_idname = "kiriko.open_example"
     bl_label = "Open Example"

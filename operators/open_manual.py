@@ -13,7 +13,7 @@ from . import needed, telling
 # `dev.py build` makes it from docs/manual: each language but English in a folder of its own
 FOLDER = Path(__file__).resolve().parent.parent / "manual"
 PLACES = "at"  # the folder with a small page for each button and setting, which leads on
-NOT_BUILT = Message("This Kiriko was not installed from its zip, which holds the manual")
+NOT_BUILT = Message("The manual is missing: install Kiriko from its zip")
 
 
 def language() -> str:
@@ -39,7 +39,7 @@ def places() -> tuple[str, list[tuple[str, str]]]:
 
 
 class KIRIKO_OT_open_manual(bpy.types.Operator):
-    """Open Kiriko's manual in the browser; F1 over a button or a setting opens its place there"""
+    """Open Kiriko's manual; F1 over a button opens its entry"""
 
     bl_idname = "kiriko.open_manual"
     bl_label = "Manual"

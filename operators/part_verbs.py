@@ -31,7 +31,7 @@ class NamesPart:
         """The object; RigError where there is none."""
         thing = bpy.data.objects.get((self.part, self.library or None))
         if thing is None:
-            raise RigError("There is no object '{name}' in this file any more.", name=self.part)
+            raise RigError("The object '{name}' no longer exists.", name=self.part)
         return thing
 
 
@@ -42,7 +42,7 @@ def name_part(button: bpy.types.OperatorProperties, thing: bpy.types.Object) -> 
 
 
 class KIRIKO_OT_select_part(NamesPart, bpy.types.Operator):
-    """Select this object, and no other"""
+    """Select only this object"""
 
     bl_idname = "kiriko.select_part"
     bl_label = "Select Part"
@@ -78,7 +78,7 @@ def _selectable(context: bpy.types.Context, thing: bpy.types.Object) -> bpy.type
 
 
 class KIRIKO_OT_show_part(NamesPart, bpy.types.Operator):
-    """Show this object: switch on whatever hides it, also at its collections"""
+    """Show this object and its collections"""
 
     bl_idname = "kiriko.show_part"
     bl_label = "Show Part"
@@ -88,7 +88,7 @@ class KIRIKO_OT_show_part(NamesPart, bpy.types.Operator):
         with telling.errors_reported(self):
             thing = self.found(context)
             show(thing, context.scene, context.view_layer)
-            text = Message("'{name}' is shown in viewport and renders.", name=thing.name)
+            text = Message("'{name}' is now visible.", name=thing.name)
             telling.report(self, "INFO", text)
             return {"FINISHED"}
 

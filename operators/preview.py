@@ -20,7 +20,7 @@ NAME = "Kiriko Preview"
 
 
 class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
-    """Render the viewer's image in Cycles, in a scene of its own, as the image Kiriko Preview"""
+    """Render the viewer's view in Cycles, as the image Kiriko Preview"""
 
     bl_idname = "kiriko.preview"
     bl_label = "Preview"
@@ -28,7 +28,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
 
     samples: bpy.props.IntProperty(
         name="Samples",
-        description="Rays a pixel; more make reflections in the glass smoother",
+        description="Rays per pixel. More make reflections smoother",
         default=16,
         min=1,
         max=65536,
@@ -51,23 +51,23 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
     )
     reflections: bpy.props.BoolProperty(
         name="Reflections",
-        description="Glass reflects a part of the light; without, there is no noise",
+        description="Glass also reflects light, which adds noise",
         default=True,
     )
     surroundings: bpy.props.BoolProperty(
         name="Surroundings",
-        description="The world, lights and objects without a role are there too",
+        description="Include the world, lights and objects without a role",
         default=True,
     )
     filepath: bpy.props.StringProperty(
         name="File",
-        description="Write the preview there too (.png or .exr)",
+        description="Also write the preview to this file (.png or .exr)",
         subtype="FILE_PATH",
         options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
-        description="Replace the file if there is one already",
+        description="Replace existing files",
         options={"SKIP_SAVE"},
     )
 
@@ -129,7 +129,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
                 if self._preview.is_rendered:
                     self._finish(self._preview)
                     return {"FINISHED"}
-                telling.report(self, "INFO", Message("Stopped; the scene is as it was."))
+                telling.report(self, "INFO", Message("Stopped. The scene is unchanged."))
             return {"CANCELLED"}
         finally:
             self.cancel(context)
@@ -149,8 +149,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         left, right, bottom, top = self.border
         if left >= right or bottom >= top:
             raise RigError(
-                "The preview's border is empty: left has to be less than right, and"
-                " bottom less than top."
+                "The preview's border is empty: set left below right, and bottom below top."
             )
 
         self._remarks = [watch.CHANGED] if watch.has_changed(context) else []

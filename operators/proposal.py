@@ -24,7 +24,7 @@ from ..core.solve.solved_for import SolvedFor
 from . import automatic, long_work, needed, telling, work, wrapping
 from .needed import the_picture
 
-NOTHING = Message("Nothing is proposed for the rig as it is")
+NOTHING = Message("There is no proposal for the rig as it is")
 WIDTH, BESIDE = 420, 40  # px of the dialogue, and beside its text
 SAME = 1e-6  # of a matrix's numbers: so near an object is where it was
 
@@ -82,7 +82,7 @@ def refuse_changed(context: bpy.types.Context, proposal: ProposedChange) -> None
     """Raise RigError where the scene is another than a proposal was made for."""
     if not proposal.scene.is_same(work.scene_now(context)):
         raise RigError(
-            "The scene has changed since '{label}' looked at it: press it again.",
+            "The scene has changed since: press {label} again.",
             label=as_message(proposal.label),
         )
 
@@ -118,9 +118,7 @@ def make(context: bpy.types.Context, proposal: ProposedChange) -> None:
             for other, basis, way in kept:
                 other.matrix_basis, other.matrix_parent_inverse = basis, way
             context.view_layer.update()
-            raise RigError(
-                "'{name}' keeps its place, for {why}.", name=thing.name, why=why
-            ) from None
+            raise RigError("'{name}' can't be moved: {why}.", name=thing.name, why=why) from None
     work.forget_report(context.scene)
 
 
@@ -138,7 +136,11 @@ def glass_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     things = [thing for thing, by in needed.parts(scene).get("GLASS", {}).items() if not by]
     for thing in things:
         if scene.objects.get(thing.name) != thing:
-            raise RigError("'{name}' cannot be turned, for it is an instance.", name=thing.name)
+            raise RigError(
+                "'{name}' can't be moved: {why}.",
+                name=thing.name,
+                why=Message("it is an instance"),
+            )
     return things
 
 
@@ -153,10 +155,10 @@ def in_view(shift: Floats, axes: Floats) -> list[tuple[float, Message]]:
 
 
 class KIRIKO_OT_take_proposal(bpy.types.Operator):
-    """Move the parts as it is proposed"""
+    """Move the parts as proposed"""
 
     bl_idname = "kiriko.take_proposal"
-    bl_label = "Take It"
+    bl_label = "Apply"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -194,7 +196,7 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
 
 
 class KIRIKO_OT_drop_proposal(bpy.types.Operator):
-    """Leave the parts where they are"""
+    """Discard the proposal"""
 
     bl_idname = "kiriko.drop_proposal"
     bl_label = "Leave It"
@@ -235,8 +237,8 @@ class Proposes(long_work.LongWork):
     """
 
     take: bpy.props.BoolProperty(
-        name="Take It",
-        description="Move the parts at once, without asking",
+        name="Apply",
+        description="Move the parts without asking",
         default=False,
         options={"SKIP_SAVE"},
     )
@@ -264,7 +266,7 @@ class Proposes(long_work.LongWork):
             return found.text
 
         propose(found)
-        return joined([found.text, Message("Nothing is moved yet: Take It moves the parts.")])
+        return joined([found.text, Message("Nothing has moved yet: press Apply.")])
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         state = super().modal(context, event)
@@ -281,7 +283,7 @@ _taken: automatic.Taken = {}
 
 
 class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
-    """Find where most of the picture arrives; you see the gain first"""
+    """Find the place where most of the picture arrives, and show the gain"""
 
     bl_idname = "kiriko.best_place"
     bl_label = "Best Place"
@@ -291,18 +293,18 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
     auto_shift: automatic.checkbox("shift", _taken, "Up to half of the picture's side")
     turn: bpy.props.FloatProperty(
         name="Turn up to",
-        description="How far the picture may turn in its plane",
+        description="Largest rotation of the picture in its plane",
         subtype="ANGLE",
         default=np.radians(15),
         min=0.0,
         max=np.radians(90),
     )
     turn_glass: bpy.props.BoolProperty(
-        name="Turn Glass", description="The glass may turn, too", default=False
+        name="Turn Glass", description="Also rotate the glass", default=False
     )
     glass_limit: bpy.props.FloatProperty(
         name="Glass up to",
-        description="How far the glass may turn, about any axis",
+        description="Largest rotation of the glass, about any axis",
         subtype="ANGLE",
         default=np.radians(15),
         min=np.radians(1),
@@ -312,7 +314,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.kiriko.picture_source == "IMAGE":
-            reason = Message("The picture is in the viewer's own pixels and has no place")
+            reason = Message("The picture is an image in the viewer's pixels and has no place")
             return needed.can_run(cls, [reason])
         return super().poll(context)
 
@@ -346,7 +348,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
         found = yield from subprogress(steps, 0.02, 1.0)
         if not found.is_better:
             return Message(
-                "The picture stands in the best place within these limits: {share} of it arrives.",
+                "The picture is already in the best place: {share} of it arrives.",
                 share=percent(found.before),
             )
 
@@ -357,9 +359,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
         told = _told(scene, rig, found, side)
         is_at_limit = np.abs(found.shift).max() > AT_LIMIT * limits.shift
         if is_at_limit and found.after < ENOUGH:
-            told = joined(
-                [told, Message("That is as far as it may move: raise Move up to for more.")]
-            )
+            told = joined([told, Message("It moved to its limit: raise Move up to.")])
         return ProposedChange(self.bl_label, told, tuple(moves))
 
 
@@ -380,7 +380,7 @@ def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Me
         parts.append(Message("the glass turned {angle:.1f} degrees", angle=angle))
 
     return Message(
-        "{before} of the picture arrives; {after} with {parts}.",
+        "{before} of the picture arrives now, {after} with {parts}.",
         before=percent(found.before),
         after=percent(found.after),
         parts=joined(parts, "; "),
@@ -392,7 +392,7 @@ WORTH_IT = 0.02  # share of the lost light, for which a turn is proposed that do
 
 
 class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
-    """Find the smallest turn of the glass that brings the lost part of the picture back, if any"""
+    """Find the smallest rotation of the glass that recovers the lost part of the picture"""
 
     bl_idname = "kiriko.turn_back"
     bl_label = "Rotate to Recover"
@@ -400,7 +400,7 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
 
     limit: bpy.props.FloatProperty(
         name="Turn up to",
-        description="How far the glass may turn, about any axis",
+        description="Largest rotation of the glass, about any axis",
         subtype="ANGLE",
         default=np.radians(30),
         min=np.radians(1),
@@ -427,24 +427,23 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
         }
         if found.does_it:
             text = Message(
-                "The glass turned {angle:.1f} degrees about {axis} brings the lost part back:"
-                " {after} of the picture arrives, {before} now.",
+                "Rotating the glass by {angle:.1f} degrees about {axis} recovers the lost part:"
+                " {after} of the picture arrives ({before} now).",
                 **values,
             )
         elif found.brought > WORTH_IT:
             self.level = "WARNING"
             text = Message(
-                "No turn of the glass up to {limit:.0f} degrees was found that brings the lost part"
-                " back; the best, {angle:.1f} degrees about {axis}, brings back {brought} of it:"
-                " {after} of the picture arrives, {before} now.",
+                "No rotation up to {limit:.0f} degrees recovers the whole lost part. The best one,"
+                " {angle:.1f} degrees about {axis}, recovers {brought}: {after} of the picture"
+                " arrives ({before} now).",
                 limit=np.degrees(self.limit),
                 **values,
             )
         else:
             self.level = "WARNING"
             return Message(
-                "No turn of the glass up to {limit:.0f} degrees was found that brings the lost part"
-                " back.",
+                "No rotation up to {limit:.0f} degrees recovers the lost part.",
                 limit=np.degrees(self.limit),
             )
 
@@ -459,15 +458,15 @@ def _axis_words(turn: Floats, axes: Floats) -> Message:
     along = np.abs(axes @ turn) / max(float(np.linalg.norm(turn)), np.finfo(float).tiny)
     names = (
         Message("the horizontal axis across the view"),
-        Message("the upright axis"),
+        Message("the vertical axis"),
         Message("the line of sight"),
     )
     n = int(along.argmax())
-    return names[n] if along[n] > ALONG else Message("an axis askew to the view")
+    return names[n] if along[n] > ALONG else Message("an oblique axis")
 
 
 class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):
-    """Move the picture to the next side of the glass towards the viewer, and the display with it"""
+    """Move the picture and the display to the side of the glass nearest the viewer"""
 
     bl_idname = "kiriko.move_to_glass"
     bl_label = "Move to Glass"
@@ -481,7 +480,7 @@ class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):
         yield 0.5
         way = way_to_glass(rig)
         if not way:
-            return Message("'{name}' is at the glass already.", name=rig.picture_place.name)
+            return Message("'{name}' is already at the glass.", name=rig.picture_place.name)
 
         metres = length_of_unit(scene)
         moves = []
@@ -489,13 +488,13 @@ class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):
             thing = scene.objects.get(part.name)
             if thing is None:
                 raise RigError(
-                    "'{name}' keeps its place, for {why}.",
+                    "'{name}' can't be moved: {why}.",
                     name=part.name,
                     why=Message("it is an instance"),
                 )
             moves.append(move_of(thing, Motion(np.eye(3), shift), metres))
         text = Message(
-            "'{picture}' moves {way} towards the viewer, and '{display}' with it.",
+            "'{picture}' and '{display}' move {way} towards the viewer.",
             picture=rig.picture_place.name,
             way=length_text(scene, way),
             display=rig.display.name,

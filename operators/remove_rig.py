@@ -8,9 +8,7 @@ from ..core.blender.lifecycle.rig_removal import refuse_shared, remove_rig
 from . import compared, live, look_through, needed, telling, work
 from .choose_rig import is_new
 
-NO_COLLECTION = Message(
-    "The rig has no collection of Add Rig: set the roles of its parts to None and delete them"
-)
+NO_COLLECTION = Message("Add Rig didn't make this rig: delete its parts by hand")
 
 
 def rig_to_remove(context: bpy.types.Context) -> bpy.types.Collection | None:
@@ -22,7 +20,7 @@ def rig_to_remove(context: bpy.types.Context) -> bpy.types.Collection | None:
 
 
 class KIRIKO_OT_remove_rig(bpy.types.Operator):
-    """Remove all that was made for the rig, and put back what was changed; your own things stay"""
+    """Remove everything Add Rig made and restore what it changed; your objects stay"""
 
     bl_idname = "kiriko.remove_rig"
     bl_label = "Remove Rig"
@@ -51,8 +49,9 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
 
             names = remove_rig(context.scene, rig)
             stays = [
-                Message("'{name}' stays, because other things use it.", name=name) for name in names
+                Message("'{name}' was kept because something else uses it.", name=name)
+                for name in names
             ]
-            telling.report(self, "INFO", joined([Message("The rig is removed."), *stays]))
+            telling.report(self, "INFO", joined([Message("Rig removed."), *stays]))
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -399,7 +399,7 @@ def write(
 
 
 class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
-    """Measure the cost of accuracy on this rig: error against time, as table and diagram"""
+    """Measure error against time on this rig, as a table and a diagram"""
 
     bl_idname = "kiriko.report"
     bl_label = "Write Report"
@@ -413,13 +413,12 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
-        description="Replace a report that is there already",
+        description="Replace existing files",
         options={"SKIP_SAVE"},
     )
     seconds: bpy.props.FloatProperty(
         name="Brute Force",
-        description="Time for the brute-force comparison: with more, it gets to more samples a"
-        " pixel",
+        description="Time limit of the brute-force comparison. More allows more samples per pixel",
         default=BUDGET,
         min=0.0,
         soft_max=3600.0,
@@ -442,12 +441,12 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
 
         with folder.made(target):
             if not (self.overwrite or scene.kiriko.export_overwrite):
-                folder.refuse_existing(target, names(rig), Message("allow overwriting"))
+                folder.refuse_existing(target, names(rig), Message("set Overwrite"))
             found, beside = yield from measured(context, rig, target, self.seconds)
             files = write(target, rig, work.settings_of(scene), found, beside)
 
         write_ladder(scene, found.ladder)
         missing = beside.missing()
         self.level = "WARNING" if missing else "INFO"
-        text = Message("Wrote {files} to '{target}'.", files=", ".join(files), target=target)
+        text = Message("Wrote {names} to '{folder}'.", names=", ".join(files), folder=target)
         return joined([text, *missing])

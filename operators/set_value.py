@@ -76,7 +76,8 @@ def idle(paths: Iterable[str]) -> list[Message]:
             switch = f"{path.rpartition('.')[0]}.use_{name}"
             told.append(
                 Message(
-                    "'{path}' has no effect while '{switch}' is off: set that to true, too",
+                    "'{path}' has no effect while '{switch}' is off: set '{switch}' to true as"
+                    " well",
                     path=path,
                     switch=switch,
                 )
@@ -116,11 +117,11 @@ def _set(path: str, text: str) -> Message:
         found.set_to(value)
     except (TypeError, ValueError):
         raise RigError(
-            "The property '{path}' cannot be '{text}': give it a value of its kind.",
+            "The property '{path}' can't be '{text}': use another type of value.",
             path=path,
             text=text,
         ) from None
-    return Message("'{path}' is {value} now", path=path, value=found.value)
+    return Message("'{path}' is now {value}", path=path, value=found.value)
 
 
 def _found(path: str) -> _FoundProperty:
@@ -134,15 +135,15 @@ def _found(path: str) -> _FoundProperty:
     has_rows = sum(n > 0 for n in getattr(known, "array_dimensions", ())) > 1
     if known is None or known.is_readonly or has_rows or (index and not n_numbers):
         raise RigError(
-            "The file has no property '{path}' that could be set: name it as in"
-            ' objects["Glass"].kiriko.ior, or kiriko.tolerance of the scene.',
+            "There is no property '{path}': name it like objects[\"Glass\"].kiriko.ior, or"
+            " kiriko.tolerance for the scene.",
             path=path,
         )
     if n_numbers and not (index and int(index) < n_numbers):
         whole = path.rpartition("[")[0] if index else path
         raise RigError(
-            "The property '{path}' has {n} numbers: set one of them, '{path}[0]' to"
-            " '{path}[{last}]'.",
+            "The property '{path}' has {n} numbers: set '{path}[0]' to '{path}[{last}]' one by"
+            " one.",
             path=whole,
             n=n_numbers,
             last=n_numbers - 1,
@@ -190,7 +191,7 @@ def _refuse_beyond(known: bpy.types.Property, path: str, value: object) -> None:
             low, given, high = map(stored, (known.hard_min, value, known.hard_max))
         if not low <= given <= high:
             raise RigError(
-                "The property '{path}' cannot be {value}: give it a value from {low} to {high}.",
+                "The property '{path}' can't be {value}: use {low} to {high}.",
                 path=path,
                 value=value,
                 low=str(low),
@@ -198,7 +199,7 @@ def _refuse_beyond(known: bpy.types.Property, path: str, value: object) -> None:
             )
     elif known.type == "STRING" and 0 < known.length_max <= len(str(value).encode()):
         raise RigError(
-            "The property '{path}' has no room for {n} letters: give it {most} at most.",
+            "The property '{path}' can't hold {n} letters: use {most} at most.",
             path=path,
             n=len(str(value).encode()),
             most=known.length_max - 1,

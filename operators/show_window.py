@@ -185,7 +185,7 @@ def unregister() -> None:
 
 
 class KIRIKO_OT_show_window(bpy.types.Operator):
-    """Open a window with the source image alone"""
+    """Open a window that shows only the source image"""
 
     bl_description = (
         "Open a window with the source image alone, one image pixel to one screen pixel, encoded as"
@@ -200,7 +200,9 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         reasons = []
         if bpy.app.background:
-            reasons.append(Message("It needs Blender's window: start Blender without --background"))
+            reasons.append(
+                Message("Show Window needs Blender's window: start Blender without --background")
+            )
         elif shown_result(context.scene).source is None:
             reasons.append(needed.UNSOLVED)
         return needed.can_run(cls, reasons)
@@ -211,7 +213,7 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
             for window in show_windows():
                 if size_of(window) == tuple(image.size):
                     telling.report(
-                        self, "INFO", Message("The show window is open, on its display.")
+                        self, "INFO", Message("The show window is already open on its display.")
                     )
                     return {"FINISHED"}
                 close(window)  # Blender raises new windows alone
@@ -221,11 +223,11 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-NO_IMAGE = Message("The result has no image: solve")
+NO_IMAGE = Message("No source image yet: solve first")
 
 
 class KIRIKO_OT_show_image(bpy.types.Operator):
-    """Show one of the result's images in the panel, and in image editors that show another of it"""
+    """Show this image in the panel and in image editors"""
 
     bl_idname = "kiriko.show_image"
     bl_label = "Show Image"
@@ -244,7 +246,7 @@ class KIRIKO_OT_show_image(bpy.types.Operator):
             found = [image for image in images_of(result) if image.name == self.image]
             if not found:
                 raise RigError(
-                    "The result has no image '{image}': choose another in its menu.",
+                    "The result has no image '{image}': choose another one.",
                     image=self.image,
                 )
             windows.show_image(found[0], result)

@@ -24,7 +24,7 @@ NAME = "Kiriko Seen"
 
 
 class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
-    """Simulate the viewer's image, stray light, dimness and blur of the plate's mirrors included"""
+    """Simulate the viewer's view with the plate's stray light, dimness and blur"""
 
     bl_idname = "kiriko.simulate"
     bl_label = "Simulate"
@@ -32,7 +32,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
 
     samples: bpy.props.IntProperty(
         name="Samples",
-        description="Rays a pixel; four times as many halve the noise",
+        description="Rays per pixel. Four times as many halve the noise",
         default=16,
         min=2,
         max=65536,
@@ -53,7 +53,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
 
         if tuple(source.size) != (rig.display.width, rig.display.height):
             raise RigError(
-                "The source image has {width} x {height} pixels, the display '{display}'"
+                "The source image has {width} x {height} pixels, but '{display}' has"
                 " {display_width} x {display_height}: solve again.",
                 width=source.size[0],
                 height=source.size[1],

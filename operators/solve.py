@@ -26,7 +26,7 @@ SOLVED = 0.98  # of the progress: the rest is what viewers see, and remedies for
 
 
 class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
-    """Compute the source image, which shows the viewer the picture undistorted inside the glass"""
+    """Compute the image for your display"""
 
     bl_idname = "kiriko.solve"
     bl_label = "Solve"
@@ -84,4 +84,4 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
     def stays(self) -> str:
         # not undone by now
         is_there = any(image.session_uid == self.shown for image in bpy.data.images)
-        return Message("a coarse source image") if is_there else ""
+        return Message("the rough image") if is_there else ""

@@ -55,9 +55,9 @@ def sentence(
     translate = translate or reports
     label, stays = as_message(label), stays and as_message(stays)
     state = (
-        Message("{thing} stays (Undo takes it back)", thing=stays)
+        Message("{thing} was kept (Undo removes it)", thing=stays)
         if stays
-        else Message("the scene is as it was")
+        else Message("the scene is unchanged")
     )
     if isinstance(error, KirikoError):
         return one_line(in_words(_foreseen(error, stays), translate))
@@ -72,17 +72,15 @@ def sentence(
 def _foreseen(error: KirikoError, stays: str) -> Message:
     if not stays:
         return error.message
-    return Message(
-        "{error} But {thing} stays (Undo takes it back).", error=error.message, thing=stays
-    )
+    return Message("{error} But {thing} was kept (Undo removes it).", error=error.message, thing=stays)
 
 
 def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
     text = " ".join(str(error).split()).rstrip(".")
     if isinstance(error, MemoryError):
         return Message(
-            "{work} needs more memory than there is{why}; {state}: lower the resolution of display"
-            " or viewer, or raise the tolerance.",
+            "{work} ran out of memory{why}; {state}. Lower the resolution of display or viewer, or"
+            " raise the tolerance.",
             work=label,
             why=f" ({text})" if text else "",
             state=state,
@@ -90,21 +88,21 @@ def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
 
     if isinstance(error, ReferenceError):  # by Blender's Python, of a datablock that is gone
         return Message(
-            "{work} was stopped, for undo or a script removed data that it needs: start it again.",
+            "{work} stopped because Undo or a script removed its data: start it again.",
             work=label,
         )
 
     if isinstance(error, OSError):
         return Message(
-            "{work} could not read or write a file ({text}); {state}: check the disk.",
+            "{work} couldn't read or write a file ({text}); {state}. Check the disk.",
             work=label,
             text=text,
             state=state,
         )
 
     return Message(
-        "{work} failed ({kind}: {text}); {state}: please report this with the file and the"
-        " text in the console.",
+        "{work} failed ({kind}: {text}); {state}. Please report it with the file and the console"
+        " text.",
         work=label,
         kind=type(error).__name__,
         text=text,

@@ -30,7 +30,7 @@ class ToFile(EndsWithRig):
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
-        description="Replace what is there already",
+        description="Replace existing files",
         options={"SKIP_SAVE", "HIDDEN"},
     )
     # the file dialogue asks an operator for these

@@ -40,7 +40,7 @@ def files_of(scene: bpy.types.Scene, file: str) -> dict[str, Path]:
         file = _with_mark(file, [*names, *names_for(names)])
     if MARK not in file and len(names) > 1:
         raise RigError(
-            "The file '{file}' is the same for {n} viewers: put {mark} where their names are.",
+            "'{file}' is a single file for {n} viewers: use {mark} in place of their names.",
             file=file,
             n=len(names),
             mark=MARK,
@@ -127,7 +127,7 @@ def _opened(path: Path, viewer: str) -> bpy.types.Image:
 
 
 class KIRIKO_OT_open_pictures(EndsWithRig, bpy.types.Operator):
-    """Open an image for each viewer: by a file with a viewer's name in its own, or a folder"""
+    """Open an image for each viewer, matched by the viewers' names"""
 
     bl_idname = "kiriko.open_pictures"
     bl_label = "Open Pictures"
@@ -135,7 +135,7 @@ class KIRIKO_OT_open_pictures(EndsWithRig, bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(
         name="File",
-        description="The image file, or a folder of images",
+        description="Image file, or a folder of images",
         subtype="FILE_PATH",
         options={"SKIP_SAVE", *RELATIVE_PATH},
     )
@@ -158,16 +158,16 @@ class KIRIKO_OT_open_pictures(EndsWithRig, bpy.types.Operator):
             if not is_chosen(self.filepath):
                 raise ImageError("No file is chosen: choose an image.")
             n = open_images(context.scene, str(absolute(self.filepath)))
-            telling.report(self, "INFO", Message("{n} viewers have images of their own.", n=n))
+            telling.report(self, "INFO", Message("{n} viewers now have their own images.", n=n))
             return {"FINISHED"}
         return {"CANCELLED"}
 
 
-NO_OTHER = Message("There is no other scene: make one of what the viewers shall see")
+NO_OTHER = Message("No other scene: make one with the viewers' picture")
 
 
 class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
-    """Render another scene from a copy of each viewer's camera: each viewer shall see its own"""
+    """Render another scene from each viewer's camera, as its own picture"""
 
     bl_idname = "kiriko.render_pictures"
     bl_label = "Render Pictures"
@@ -175,7 +175,7 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
 
     scene: bpy.props.StringProperty(
         name="Scene",
-        description="The scene that is rendered, by its own settings; empty: the only other one",
+        description="Scene to render; empty for the only other one",
         options={"SKIP_SAVE"},
     )
 
@@ -209,7 +209,7 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
                 bpy.data.batch_remove(list(images.values()))
 
         return Message(
-            "Viewers that see '{scene}' now, each as rendered from its camera: {n}.",
+            "{n} viewers now see '{scene}', rendered from their cameras.",
             n=len(images),
             scene=other.name,
         )
@@ -220,7 +220,7 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
         found = [one for one in others if one.name == self.scene] if self.scene else others
         if len(found) != 1:
             raise RigError(
-                "Which scene the viewers shall see is not clear: name one of the other {n}.",
+                "There are {n} other scenes: name the one to render.",
                 n=len(others),
             )
         if not found[0].is_editable:

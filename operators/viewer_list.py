@@ -18,7 +18,7 @@ from ..core.lab.atlas.heads import AXES, check_perspective, evenly, middle_of, v
 from ..core.rig.rig import Viewer
 from . import compared, look_through, needed, telling
 
-NO_LIST = Message("There is one viewer: add another")
+NO_LIST = Message("There is only one viewer: add another")
 MOST = 1000  # heads of a grid
 BOX = (0.12, 0.06, 0.06)  # m
 MOST_LENGTH = 1e4  # m, of a box, or between two eyes
@@ -42,7 +42,7 @@ class _OfList:
 
 
 class KIRIKO_OT_add_viewer(_OfList, bpy.types.Operator):
-    """Have another camera look at the display, too: the active one, where it is none yet"""
+    """Add the active camera, or a new one, as another viewer"""
 
     bl_idname = "kiriko.add_viewer"
     bl_label = "Add Viewer"
@@ -63,14 +63,14 @@ class _OfSeveral(_OfList):
 
 
 class KIRIKO_OT_remove_viewer(_OfSeveral, bpy.types.Operator):
-    """Take the chosen viewer out of the list; its camera stays in the scene"""
+    """Remove the viewer from the list; its camera stays"""
 
     bl_idname = "kiriko.remove_viewer"
     bl_label = "Remove Viewer"
 
     number: bpy.props.IntProperty(
         name="Number",
-        description="Of the entry; -1: the chosen one",
+        description="Index in the list; -1 for the active entry",
         default=-1,
         min=-1,
         options={"SKIP_SAVE"},
@@ -83,13 +83,13 @@ class KIRIKO_OT_remove_viewer(_OfSeveral, bpy.types.Operator):
 
 
 class KIRIKO_OT_move_viewer(_OfSeveral, bpy.types.Operator):
-    """Move the chosen viewer up or down in the list. The first one is the rig's viewer"""
+    """Move the viewer in the list; the first one is the main viewer"""
 
     bl_idname = "kiriko.move_viewer"
     bl_label = "Move Viewer"
 
     step: bpy.props.IntProperty(
-        name="Step", description="Entries downwards", default=1, options={"SKIP_SAVE"}
+        name="Step", description="Entries to move down", default=1, options={"SKIP_SAVE"}
     )
 
     def change(self, context: bpy.types.Context) -> None:
@@ -116,7 +116,7 @@ class _InPlace(_OfList):
             made = make_viewers(context.scene, camera, places)
         context.view_layer.update()
         text = Message(
-            "{n} cameras go along with '{viewer}', which is off itself.",
+            "Added {n} viewers around '{viewer}', which is now off.",
             n=len(made),
             viewer=camera.name,
         )
@@ -124,7 +124,7 @@ class _InPlace(_OfList):
 
 
 class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):
-    """Have two eyes look at the display, to both sides of the viewer, by its stereo settings"""
+    """Add a left and a right eye, from the camera's stereo settings"""
 
     bl_idname = "kiriko.two_eyes"
     bl_label = "Two Eyes"
@@ -139,8 +139,8 @@ class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):
         )
         if not (0 < apart < MOST_LENGTH and away > 0):  # nor NaN
             raise RigError(
-                "The viewer '{viewer}' has eyes {apart:g} m apart that converge at {away:g} m: set"
-                " two lengths in its camera's Stereoscopy.",
+                "The eyes of '{viewer}' are {apart:g} m apart and converge at {away:g} m: set both"
+                " in its camera's Stereoscopy.",
                 viewer=camera.name,
                 apart=apart,
                 away=away,
@@ -149,14 +149,14 @@ class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):
 
 
 class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
-    """Have heads all over a box around the viewer look at the display, each aimed at the picture"""
+    """Add a grid of viewers around this one, all aimed at the picture"""
 
     bl_idname = "kiriko.viewer_grid"
     bl_label = "Grid"
 
     heads: bpy.props.IntVectorProperty(
         name="Heads",
-        description="How many there are to the right, upwards and forward",
+        description="Number to the right, up and forward",
         size=3,
         default=(3, 1, 1),
         min=1,
@@ -165,7 +165,7 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
     )
     box: bpy.props.FloatVectorProperty(
         name="Box",
-        description="From the first of them to the last: to the right, upwards, forward",
+        description="Size of the grid: right, up, forward",
         size=3,
         default=BOX,
         min=0.0,
@@ -179,14 +179,14 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
         """Where the heads are, and how they look; RigError where one is at the picture."""
         n = int(np.prod(self.heads))
         if not 1 < n <= MOST:
-            raise RigError("A grid of {n} heads: set 2 to {most} in all.", n=n, most=MOST)
+            raise RigError("The grid has {n} heads: set 2 to {most} in all.", n=n, most=MOST)
         metres = length_of_unit(context.scene)
         if not self.properties.is_property_set("box"):
             self.box = [length / metres for length in BOX]
         sizes = metres * np.array(self.box)
         if not (sizes < MOST_LENGTH).all():  # nor NaN
             raise RigError(
-                "The box of the heads is {right:g} x {up:g} x {forward:g} m: set three lengths.",
+                "The grid measures {right:g} x {up:g} x {forward:g} m: set three lengths.",
                 **dict(zip(AXES, sizes, strict=True)),
             )
         offsets = evenly(self.heads, sizes)

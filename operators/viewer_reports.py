@@ -55,7 +55,7 @@ def of_viewer(one: dict[str, Any]) -> Message:
         parts.append(Message("{n} of {all} points", n=n_points, all=N_ALL))
     if is_displaced:
         text = Message(
-            "displaced {mean} px, at most {largest}",
+            "displaced {mean} px, {largest} at most",
             mean=number(one["mean_px"]),
             largest=number(one["largest_px"]),
         )
@@ -68,7 +68,7 @@ def of_viewer(one: dict[str, Any]) -> Message:
     if one.get("psnr") is not None:
         parts.append(Message("{psnr:.1f} dB", psnr=one["psnr"]))
     if "unremovable" in one:
-        text = Message("{error} of white stay off", error=percent(one["unremovable"]))
+        text = Message("remaining error {error} of white", error=percent(one["unremovable"]))
         parts.append(text)
     return joined(parts, ", ")
 
@@ -98,7 +98,7 @@ def of_pair(scene: bpy.types.Scene, pair: dict[str, Any]) -> list[Message]:
     )
     found = [
         Message(
-            "Both eyes see the picture {mean} on the mean, at most {largest}",
+            "Both eyes see the picture {mean} on average, {largest} at most",
             mean=mean,
             largest=largest,
         )
@@ -108,7 +108,7 @@ def of_pair(scene: bpy.types.Scene, pair: dict[str, Any]) -> list[Message]:
     return [
         *found,
         Message(
-            "Vertical disparity {mean} arcmin on the mean, at most {largest}",
+            "Vertical disparity {mean} arcmin on average, {largest} at most",
             mean=number(pair["mean_vertical_arcmin"]),
             largest=number(pair["largest_vertical_arcmin"]),
         ),
@@ -123,7 +123,7 @@ def is_tiring(pair: dict[str, Any]) -> bool:
 
 def tiring(pair: dict[str, Any]) -> Message:
     """From which vertical disparity on they do."""
-    return Message("Eyes tire from {limit} arcmin on", limit=number(pair["tires_from_arcmin"]))
+    return Message("Eyes tire above {limit} arcmin", limit=number(pair["tires_from_arcmin"]))
 
 
 CONFLICT = "conflict"
@@ -228,7 +228,7 @@ def asked_for(scene: bpy.types.Scene, names: list[str]) -> list[str]:
     for name in names:
         if name not in known:
             raise RigError(
-                "The rig has no viewer '{name}': there are {names}.",
+                "The rig has no viewer '{name}', only {names}.",
                 name=name,
                 names=quoted(known) or Message("none"),
             )

@@ -24,7 +24,7 @@ from ..core.solve.solved_for import SolvedFor, from_text
 from . import chosen, live, telling, windows, work
 from . import outdated_surfaces as surfaces
 
-CHANGED = Message("The scene has changed since: solve again.")
+CHANGED = Message("The scene has changed: solve again.")
 QUIET = 0.4  # s without a change before the scene is read
 TICK = 0.2  # s between two looks
 # times as long as the last reading of its kind took it has to be quiet before the next one
@@ -135,7 +135,7 @@ def tick() -> float:
         check_result()
     except Exception as error:
         telling.sentence(
-            error, Message("The look at the scene")
+            error, Message("The scene check")
         )  # which prints errors that were not foreseen
         _watched.clear()
         return PATIENCE

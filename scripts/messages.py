@@ -31,8 +31,8 @@ SAMPLES = {
     "role": "Glass", "kind": "a movie", "noun": "glass", "field": "displays", "s": "s",
     "names": "'Ball', 'Bowl'", "listed": "1.33, 1.49", "gap": "0.003 mm", "length": "488 mm",
     "by": " in viewports", "where": "left of it", "place": "no file", "hint": "",
-    "error": "0.12", "thing": "a coarse source image", "button": "Solve", "work": "Solve",
-    "state": "the scene is as it was",
+    "error": "0.12", "thing": "the rough image", "button": "Solve", "work": "Solve",
+    "state": "the scene is unchanged",
     "text": "The whole picture fits on the display (300 mm wide).", "label": "Diffuse",
     "squeezed": "squeezed to 80 % of its width", "size": "4 x 4", "phrase": "reading the scene",
     "article": "a", "suffix": ".tif", "preset": "ASKA3D-488", "ignored": "Base Color",
@@ -43,7 +43,7 @@ SAMPLES = {
     "side": "left", "space": "ACEScg", "engines": "EEVEE", "modifier": "Subdivision",
     "unit": "mm", "condition": "30", "source": "Glass BSDF", "before": "Old Material",
     "theirs": "Screen", "ours": "Display Source", "page": "Asset Libraries", "display_size": "1 m",
-    "changed": "The scene has changed since: solve again.", "taken": "", "stays": "", "more": "",
+    "changed": "The scene has changed: solve again.", "taken": "", "stays": "", "more": "",
     "measured": "lattice.jpg", "details": "calibration.json", "kept": "An offset is",
 }  # fmt: skip
 

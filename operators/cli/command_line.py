@@ -335,7 +335,7 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if arguments.verb == "calibrate":
         raise UsageError("A photograph is of one rig: name it by --rig.")
     if not names:
-        raise RigError("The scene has no rig that Add Rig made: leave out --rig.")
+        raise RigError("The scene has no rig from Add Rig: leave out --rig.")
 
     folders = {
         name: arguments.out / of_name

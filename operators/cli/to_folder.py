@@ -175,10 +175,7 @@ def _with_products(context: bpy.types.Context, arguments: argparse.Namespace) ->
 def check_products(scene: bpy.types.Scene, arguments: argparse.Namespace) -> None:
     """Raise RigError where no part could be a product that is asked for."""
     if arguments.plate and not needed.parts(scene).get("PLATE"):
-        raise RigError(
-            "The rig has no plate that could be '{plate}': leave out --plate.",
-            plate=arguments.plate,
-        )
+        raise RigError("The rig has no plate: leave out --plate.")
 
 
 def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:

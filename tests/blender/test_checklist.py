@@ -235,9 +235,9 @@ def test_a_mesh_of_another_file_or_without_faces_is_not_mended(
     glass.data = linked(glass.data)
     empty = new_object(bpy.data.meshes.new("empty"), "GLASS")
     for verb in ("fill_holes", "turn_out", "shade_smooth", "smooth_glass"):
-        with pytest.raises(RuntimeError, match="'Cube' is linked from another file: mend it there"):
+        with pytest.raises(RuntimeError, match="'Cube' is linked from another file: change it there"):
             getattr(bpy.ops.kiriko, verb)(part=glass.name)
-        with pytest.raises(RuntimeError, match="'thing' has no faces that can be mended"):
+        with pytest.raises(RuntimeError, match="'thing' has no faces of its own"):
             getattr(bpy.ops.kiriko, verb)(part=empty.name)
 
 
@@ -790,7 +790,7 @@ def test_a_part_that_was_deleted_is_made_anew(
     assert not bpy.ops.kiriko.solve.poll()
     entries = [entry for entry in look() if entry.icon == "ERROR"]
     assert len(entries) == 1
-    words = {"PLATE": "The rig's plate is gone: make it anew, or go without."}
+    words = {"PLATE": "The rig's plate is missing: make a new one, or remove it from the rig."}
     assert entries[0].text.startswith(words.get(role, f"No {role.lower()}: "))
     press(entries, entries[0].text)
 

@@ -83,7 +83,7 @@ def test_a_coarse_image_is_shown_before_the_end(rig: dict, window: Window, shown
 
     assert is_of_coarse(shown[0])
     assert "'Mine' of 'Kiriko Display'" in scene.kiriko.result.notes
-    assert "Esc keeps it" in window.status
+    assert "Esc keeps" in window.status
     to_the_end(operator, window)
 
     assert len(shown) == 1
@@ -141,7 +141,7 @@ def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
     assert not part("operators.work").is_busy()
     ((_, said),) = operator.said
 
-    assert said.startswith("Stopped; a coarse source image stays: Undo")
+    assert said.startswith("Stopped. The rough image was kept. Undo")
     assert is_sentence(said)
     assert is_of_coarse(shown[0])
     bpy.ops.ed.undo()
@@ -177,7 +177,7 @@ def test_an_error_after_the_coarse_image_leaves_it(
         ((level, said),) = operator.said
         assert level == "ERROR"
         assert is_sentence(said)
-        assert "coarse source image stays (Undo takes it back)" in said
+        assert "the rough image was kept (Undo removes it)" in said
         assert is_of_coarse(shown[0])
         assert window.is_clean
         bpy.ops.ed.undo_push(message="Solve")
@@ -194,7 +194,7 @@ def test_a_coarse_image_that_cannot_be_written_changes_nothing(
     with broken("write", ValueError("odd")):
         outcome, _ = to_the_end(operator, window)
     assert outcome == {"CANCELLED"}
-    assert "the scene is as it was" in operator.said[-1][1]
+    assert "the scene is unchanged" in operator.said[-1][1]
     assert state() == before
 
 

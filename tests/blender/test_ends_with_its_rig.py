@@ -9,6 +9,8 @@ from extension import loaded
 from small_rigs import pixels, show_scene
 from test_rigs import choose, two
 
+STOPPED = "{} stopped because its scene or rig was switched or deleted: start it again."
+
 
 class Dialogue:
     """An operator's instance, as Blender keeps it while its dialogue is open."""
@@ -62,7 +64,7 @@ def test_export_writes_the_image_of_its_own_rig(kiriko, scene, tmp_path, monkeyp
     again.it.invoke(in_window(), None)
     bpy.ops.kiriko.remove_rig()
     assert again.it.execute(in_window()) == {"CANCELLED"}
-    assert again.reports == ["The rig with which Export Source Image began is gone: begin again."]
+    assert again.reports == [STOPPED.format("Export Source Image")]
 
 
 def test_a_preview_is_kept_with_its_own_rig(kiriko, scene):
@@ -113,5 +115,5 @@ def test_a_picture_is_opened_for_its_own_rig(kiriko, scene, tmp_path):
     other = bpy.data.scenes.new("Other")
     assert drawing.it.execute(in_window(scene=other)) == {"CANCELLED"}
     assert drawing.reports == [
-        f"Bench Drawing began in the scene '{scene.name}', and another one is shown: begin again."
+        STOPPED.format("Bench Drawing")
     ]

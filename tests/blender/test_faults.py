@@ -105,7 +105,7 @@ def test_an_error_at_any_point_is_one_sentence_and_changes_nothing(rig, monkeypa
             text = refusal(run(name))
         assert state() == before, (point, error, nth)
         is_foreseen = isinstance(error, part("core.base.errors").KirikoError)
-        assert text == str(error) if is_foreseen else "the scene is as it was" in text
+        assert text == str(error) if is_foreseen else "the scene is unchanged" in text
         assert ("Traceback" in capsys.readouterr().err) == (not is_foreseen)
 
     foreseen, odd = errors()[:2]
@@ -192,7 +192,7 @@ def test_long_work_of_one_window_is_waited_for_in_another(rig, window):
     second = asked("simulate")
     status = window.status
     assert second.invoke(window, None) == {"CANCELLED"}
-    assert second.said == [("WARNING", "Kiriko is at work: wait for it or press Esc.")]
+    assert second.said == [("WARNING", "Kiriko is busy: wait, or press Esc.")]
     assert (len(window.timers), window.status) == (1, status)
     while first.modal(window, TIMER) != {"FINISHED"}:
         pass

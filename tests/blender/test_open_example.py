@@ -64,7 +64,7 @@ def test_the_plate_of_an_example_is_missed(scene, needed, name):
     bpy.ops.kiriko.open_example(example=name)
     opened = bpy.context.scene
     bpy.data.objects.remove(next(iter(needed.parts(opened)["PLATE"])))
-    with pytest.raises(RuntimeError, match="plate is gone: make it anew, or go without"):
+    with pytest.raises(RuntimeError, match="plate is missing: make a new one"):
         bpy.ops.kiriko.solve()
 
 

@@ -17,7 +17,7 @@ def opening(kiriko) -> ModuleType:
 def test_without_a_manual_the_button_is_grey(opening, monkeypatch, tmp_path):
     """It says why, and F1 finds no place of ours."""
     monkeypatch.setattr(opening, "FOLDER", tmp_path / "manual")
-    with pytest.raises(RuntimeError, match="not installed from its zip, which holds the manual"):
+    with pytest.raises(RuntimeError, match="install Kiriko from its zip"):
         bpy.ops.kiriko.open_manual()
     prefix, places = opening.places()
     assert prefix.startswith("file://")

@@ -64,7 +64,7 @@ def test_one_that_is_missing_or_broken_changes_nothing(folder, by, is_broken):
 def test_a_file_that_is_nobody_s_is_refused(folder):
     before = state()
     for path, words in (
-        (str(folder / "both.png"), "is the same for 2 viewers: put {viewer} where"),
+        (str(folder / "both.png"), "is a single file for 2 viewers: use {viewer}"),
         ("", "No file is chosen"),
     ):
         with pytest.raises(RuntimeError, match=words):

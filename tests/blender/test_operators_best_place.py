@@ -58,7 +58,7 @@ def test_a_better_place_is_proposed_and_taken(scene, capfd):
     assert bpy.ops.kiriko.best_place() == {"FINISHED"}
     assert (place(rig["PICTURE"]) == before).all()
     text = re.search(
-        r"([\d.]+) % of the picture arrives; ([\d.]+) % with the picture ([\d.]+) mm to the left",
+        r"([\d.]+) % of the picture arrives now, ([\d.]+) % with the picture ([\d.]+) mm to the left",
         capfd.readouterr().out,
     )
     assert float(text[3]) == pytest.approx(3.8, abs=0.6)
@@ -69,7 +69,7 @@ def test_a_better_place_is_proposed_and_taken(scene, capfd):
     assert 100 * coverage() == pytest.approx(float(text[2]), abs=1.0)
     assert not bpy.ops.kiriko.take_proposal.poll()
     bpy.ops.kiriko.best_place()
-    assert "stands in the best place within these limits" in capfd.readouterr().out
+    assert "is already in the best place" in capfd.readouterr().out
 
 
 def test_a_limit_that_was_reached_is_told(scene, capfd):
@@ -78,7 +78,7 @@ def test_a_limit_that_was_reached_is_told(scene, capfd):
     """
     rig = off_rig()
     bpy.ops.kiriko.best_place()
-    words = "That is as far as it may move: raise Move up to for more."
+    words = "It moved to its limit: raise Move up to."
     assert words not in capfd.readouterr().out
 
     rig["PICTURE"].location.x += 0.010
@@ -117,7 +117,7 @@ def test_the_glass_turns_back_what_is_lost(scene, capfd):
     middle = place(rig["GLASS"])[:3, 3]
     assert bpy.ops.kiriko.turn_back(take=True) == {"FINISHED"}
     text = re.search(
-        r"turned ([\d.]+) degrees about the upright axis brings the lost part back: ([\d.]+) %",
+        r"by ([\d.]+) degrees about the vertical axis recovers the lost part: ([\d.]+) %",
         capfd.readouterr().out,
     )
     after = place(rig["GLASS"])
@@ -134,7 +134,7 @@ def test_what_no_turn_brings_back_is_said(scene, capfd):
     """As a warning, and nothing is proposed; nor where nothing is lost."""
     small_rig(ior=1.0, picture_size=0.02, display_size=0.015)
     assert bpy.ops.kiriko.turn_back(limit=np.radians(2)) == {"FINISHED"}
-    assert "Warning: No turn of the glass up to 2 degrees was found" in capfd.readouterr().out
+    assert "Warning: No rotation up to 2 degrees recovers" in capfd.readouterr().out
     assert not bpy.ops.kiriko.take_proposal.poll()
 
 
@@ -143,7 +143,7 @@ def test_glass_that_is_held_stays(scene):
     rig = tilted_rig()
     before = {role: place(thing) for role, thing in rig.items()}
     rig["GLASS"].lock_rotation[2] = True
-    with pytest.raises(RuntimeError, match="keeps its place, for its transform is locked"):
+    with pytest.raises(RuntimeError, match="can't be moved: its transform is locked"):
         bpy.ops.kiriko.turn_back(take=True)
     assert all((place(thing) == before[role]).all() for role, thing in rig.items())
 
@@ -156,7 +156,7 @@ def test_a_changed_scene_is_looked_at_again(scene):
     bpy.ops.kiriko.best_place()
     before = place(rig["PICTURE"])
     rig["DISPLAY"].location.x += 0.003
-    with pytest.raises(RuntimeError, match="The scene has changed since 'Best Place' looked"):
+    with pytest.raises(RuntimeError, match="The scene has changed since: press Best Place"):
         bpy.ops.kiriko.take_proposal()
     rig["DISPLAY"].location.x -= 0.003
     rig["GLASS"].kiriko.ior = 1.5

@@ -62,7 +62,7 @@ def test_many_machines_make_the_same_maps(scene, tmp_path, run, capsys):
     one, parts = tmp_path / "one", tmp_path / "parts"
     box = "--right", -20, 20, "--up", 0, 10, "--tolerance", 3
     assert run("atlas", "--out", one, *box) == 0
-    assert re.search(r"Wrote \d+ maps .* px off at most", capsys.readouterr().out)
+    assert re.search(r"Wrote \d+ maps .* px at most", capsys.readouterr().out)
 
     assert run("atlas", "--out", parts, *box, "--plan") == 0
     assert re.search(r"places of the head .*: about .* min and .* MB", capsys.readouterr().out)

@@ -115,9 +115,9 @@ def test_rigs_and_values_become_tasks(run, saved, zipped, capsys):
         (("--vary", "kiriko.nope", "--values", "1"), "no property 'kiriko.nope'"),
         (
             ("--vary", "kiriko.tolerance", "--values", "0.1", "b"),
-            "'kiriko.tolerance' cannot be 'b'",
+            "'kiriko.tolerance' can't be 'b'",
         ),
-        (("--vary", "kiriko.tolerance", "--values", "nan"), "'kiriko.tolerance' cannot be 'nan'"),
+        (("--vary", "kiriko.tolerance", "--values", "nan"), "'kiriko.tolerance' can't be 'nan'"),
         (("--vary", "kiriko.tolerance", "--values", "0.1", "-1e9"), "cannot be -1000000000.0"),
         (("--frames", "1-3", "--name", "a/"), "'a/' is not a plain file name"),
         (("--frames", "1-3", "--name", "a\\b"), "is not a plain file name"),
@@ -380,7 +380,7 @@ def test_an_index_that_the_material_has_is_told_to_have_no_effect(run, saved, zi
     glass.kiriko.use_ior = False
     bpy.ops.wm.save_mainfile()
     path, switch = (f'objects["Cube"].kiriko.{name}' for name in ("ior", "use_ior"))
-    told = f"kiriko: '{path}' has no effect while '{switch}' is off: set that to true, too\n"
+    told = f"kiriko: '{path}' has no effect while '{switch}' is off: set '{switch}' to true as well\n"
     assert run("solve", "--set", path, "1.9", "--out", saved / "a") == 0
     assert told in capsys.readouterr().out
     job = ("job", "--vary", path, "--values", "1.4", "1.9", "--zip", zipped, "--out")

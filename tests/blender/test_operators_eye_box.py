@@ -120,7 +120,7 @@ def test_it_is_told_in_the_scenes_unit_and_in_the_panel(scene, drawn):
     assert all(" mm" in way for way in ways)
     left = float(f"{1e3 * found['left']:.3g}")
     assert str(ways[0]).startswith(f"{left:g} mm")
-    assert sum(str(way).count("and more") for way in ways) == sum(found["is_open"])
+    assert sum(str(way).count("over ") for way in ways) == sum(found["is_open"])
     text = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_viewers").texts)
     for way in ways:
         assert str(way) in text
@@ -165,14 +165,14 @@ def test_where_there_is_none_one_sentence_tells_why(scene, monkeypatch):
 
     place = parts["DISPLAY"].location.copy()
     parts["DISPLAY"].location = place * 50
-    with pytest.raises(RuntimeError, match="sees nothing of the picture from its own place"):
+    with pytest.raises(RuntimeError, match="can't see the picture"):
         bpy.ops.kiriko.eye_box()
     parts["DISPLAY"].location = place
     assert inventory() == before
 
-    with pytest.raises(RuntimeError, match="The limit nan is no angle: set one above 0 arcmin"):
+    with pytest.raises(RuntimeError, match="The limit is nan arcmin: set it above 0"):
         bpy.ops.kiriko.eye_box(limit=float("nan"))
-    with pytest.raises(RuntimeError, match="The share nan is none: set one above 0, up to 1"):
+    with pytest.raises(RuntimeError, match="The share is nan: set it above 0, up to 1"):
         bpy.ops.kiriko.eye_box(share=float("nan"))
     assert inventory() == before
 
@@ -208,12 +208,12 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(scene, drawn):
     number = loaded("core.base.numbers").number
     everyone = served["for_all"]
     assert (
-        "Heads over the box of 2 viewers see the picture off by"
-        f" {number(everyone['mean_arcmin'])} arcmin, at most {number(everyone['largest_arcmin'])}."
+        f"In the box of 2 viewers the error is {number(everyone['mean_arcmin'])} arcmin on average,"
+        f" {number(everyone['largest_arcmin'])} at most."
     ) in lines
-    assert "Solved for the middle of the box alone:" in lines
-    assert "A head in the middle sees it off by" in lines
-    assert "solved for the middle alone by 0." in lines
+    assert "Solved for its centre only:" in lines
+    assert "At the centre the error is" in lines
+    assert "or 0." in lines
 
     first = scene.kiriko.viewers[1].camera
     scene.kiriko.viewers[2].camera.matrix_world = first.matrix_world

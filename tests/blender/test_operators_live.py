@@ -375,7 +375,7 @@ def test_what_solve_has_written_stays(live, written):
     bpy.ops.ed.undo_push(message="solved")
     for _ in range(2):
         bpy.ops.kiriko.live()
-        assert live.status() == ("Live: updating.", False)
+        assert live.status() == ("Live: updating...", False)
         settle(live)
         assert written == []
         assert live.status() == ("Live: up to date.", False)
@@ -453,7 +453,7 @@ def test_the_final_picture_comes_before_its_numbers(live, written, drawn, monkey
         assert (result.is_coarse, result.summary, result.details) == (False, "", "")
         assert result.solved_for != before
         assert " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts) == (
-            "The source image is final; its numbers follow."
+            "Final image; still measuring..."
         )
         assert not bpy.ops.kiriko.export.poll()
 
@@ -477,9 +477,9 @@ def test_a_picture_may_stay_without_numbers(live, written, drawn):
     live.stop()
     assert written == FINAL[:1]
     final = shown()
-    words = "The source image has no numbers yet"
+    words = "The source image isn't final"
     panel = " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts)
-    assert panel == f"{words}: solve, or let Live finish."
+    assert panel == f"{words}: press Solve, or let Live finish."
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.export(filepath="/nowhere.png")
     assert result.source.packed_file is not None
@@ -632,10 +632,10 @@ def load_a_copy_of_the_file(path: str) -> None:
 
 
 STOPS = {
-    show_another_scene: "no window shows the scene 'Scene' any more.",
-    load_another_file: "another file was loaded.",
-    load_the_file_again: "the file was loaded again.",
-    load_a_copy_of_the_file: "another file was loaded.",
+    show_another_scene: "its scene is no longer open.",
+    load_another_file: "a file was loaded.",
+    load_the_file_again: "a file was loaded.",
+    load_a_copy_of_the_file: "a file was loaded.",
 }
 
 

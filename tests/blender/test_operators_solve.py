@@ -146,7 +146,7 @@ def test_a_rig_without_a_plate_is_solved_straight(scene):
     """
     rig = small_rig()
     bpy.data.objects.remove(rig["PLATE"])
-    with pytest.raises(RuntimeError, match="plate is gone: make it anew, or go without"):
+    with pytest.raises(RuntimeError, match="plate is missing: make a new one"):
         bpy.ops.kiriko.solve()
     bpy.ops.kiriko.go_without_plate()
     display = rig["DISPLAY"]

@@ -45,7 +45,7 @@ def test_where_nothing_is_seen_nothing_is_made(scene):
     parts = small_rig()
     parts["DISPLAY"].scale = (0.05, 0.05, 0.05)
     before = inventory()
-    with pytest.raises(RuntimeError, match="No place within"):
+    with pytest.raises(RuntimeError, match="Nowhere within"):
         bpy.ops.kiriko.visible_range(share=1.0)
     assert inventory() == before
 

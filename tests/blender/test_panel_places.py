@@ -165,7 +165,7 @@ def test_no_state_of_live_moves_a_button(
     before = drawn(*main)
     assert "kiriko.make_glass" in before.operators
     if state == "stopped":
-        live.stop("Live stopped: another file was loaded.")
+        live.stop("Live stopped: a file was loaded.")
     elif state == "other scene":
         live.start(bpy.data.scenes.new("other"))
     elif state == "at work":

@@ -349,7 +349,7 @@ def test_buttons_say_which_picture_they_need(scene):
     assert not bpy.ops.kiriko.choose_picture.poll()
     activate(second)
     bpy.ops.object.mode_set(mode="EDIT")
-    with pytest.raises(RuntimeError, match="Leave edit mode first"):
+    with pytest.raises(RuntimeError, match="Leave Edit Mode first"):
         choose(chosen)
 
 

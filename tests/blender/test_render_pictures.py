@@ -173,7 +173,7 @@ def test_a_scene_that_is_not_clear_is_refused(kiriko, rig):
         bpy.ops.kiriko.render_pictures()
     other_scene()
     bpy.data.scenes.new("empty")
-    words = "Which scene the viewers shall see is not clear: name one of the other 2"
+    words = "There are 2 other scenes: name the one to render"
     for name in ("", "nobody", bpy.context.scene.name):
         with pytest.raises(RuntimeError, match=words):
             bpy.ops.kiriko.render_pictures(scene=name)
@@ -306,7 +306,7 @@ def test_a_file_name_has_the_viewer_in_it(run, rig, tmp_path, capsys):
 
     (tmp_path / "render mine.png").unlink()
     for wrong, words in (
-        ("render.png", "is the same for 2 viewers: put {viewer} where their names are."),
+        ("render.png", "is a single file for 2 viewers: use {viewer} in place of their names."),
         ("render {viewer}.png", "of the viewer 'mine' cannot be read: it is missing or broken."),
     ):
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))

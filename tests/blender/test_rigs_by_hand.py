@@ -586,7 +586,7 @@ def test_a_scene_of_another_file_is_left_alone(
         look(kiriko)
         for verb in ("remove_rig", "solve", "add_rig", "preview", "report", "live", "fit_plate",
                      "choose_rig", "visible_range", "simulate", "rescale_scene"):  # fmt: skip
-            with pytest.raises(RuntimeError, match="The scene is linked from another file: open"):
+            with pytest.raises(RuntimeError, match="The scene is linked: open"):
                 getattr(bpy.ops.kiriko, verb)()
         assert bpy.ops.kiriko.export.poll()
 

@@ -243,13 +243,13 @@ def test_a_grid_before_images_of_the_viewers_own_looks_where_eyes_converge(
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"heads": (1, 1, 1)}, "A grid of 1 heads: set 2 to 1000 in all"),
-        ({"heads": (100, 100, 1)}, "A grid of 10000 heads: set 2 to 1000 in all"),
+        ({"heads": (1, 1, 1)}, "The grid has 1 heads: set 2 to 1000 in all"),
+        ({"heads": (100, 100, 1)}, "The grid has 10000 heads: set 2 to 1000 in all"),
         ({"heads": (1, 1, 2), "box": (0, 0, 5)}, "is at the picture 'Kiriko Picture', or behind"),
-        ({"box": (float("nan"), 0, 0)}, "The box of the heads is nan x 0 x 0 m: set three lengths"),
+        ({"box": (float("nan"), 0, 0)}, "The grid measures nan x 0 x 0 m: set three lengths"),
         (
             {"box": (0.1, float("inf"), 0)},
-            "The box of the heads is 0.1 x .* x 0 m: set three lengths",
+            "The grid measures 0.1 x .* x 0 m: set three lengths",
         ),
     ],
 )
@@ -276,9 +276,9 @@ NAN, INF = float("nan"), float("inf")
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
-        ("interocular_distance", NAN, "nan m apart that converge"),
-        ("interocular_distance", INF, "m apart that converge"),
-        ("interocular_distance", 0.0, "0 m apart that converge"),
+        ("interocular_distance", NAN, "nan m apart and converge"),
+        ("interocular_distance", INF, "m apart and converge"),
+        ("interocular_distance", 0.0, "0 m apart and converge"),
         ("convergence_distance", NAN, "converge at nan m"),
     ],
 )
@@ -287,7 +287,7 @@ def test_stereo_settings_that_are_no_lengths_are_told(
 ) -> None:
     setattr(ours().viewer.data.stereo, name, value)
     before = inventory()
-    with pytest.raises(RuntimeError, match=f"'Kiriko Viewer' has eyes .*{told}.*Stereoscopy"):
+    with pytest.raises(RuntimeError, match=f"eyes of 'Kiriko Viewer' are .*{told}.*Stereoscopy"):
         bpy.ops.kiriko.two_eyes()
     if name == "convergence_distance":
         ours().picture_source = "IMAGE"
@@ -596,7 +596,7 @@ def test_of_two_eyes_depth_and_disparity_are_told(
         changed = {**details(), "two_eyes": {**told, "largest_vertical_arcmin": largest}}
         bpy.context.scene.kiriko.result.details = record_text(changed)
         texts = drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts
-        assert ("Eyes tire from 15 arcmin on" in texts) == is_warned
+        assert ("Eyes tire above 15 arcmin" in texts) == is_warned
 
     add(camera(0.01))
     bpy.ops.kiriko.solve()

@@ -9,7 +9,7 @@ from extension import loaded
 
 GERMAN = {
     "The glass '{glass}' has {n} gaps: close them.": "Schließ die {n} Lücken im Glas '{glass}'.",
-    "{error} But {thing} stays (Undo takes it back).": "Es bleibt {thing}. {error}",
+    "{error} But {thing} was kept (Undo removes it).": "Es bleibt {thing}. {error}",
     "{reason}.": "{reason}!",
 }
 
