@@ -53,8 +53,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
     """Draw the bench to scale, for building it"""
 
     bl_description = (
-        "Draw the bench to scale, side view and plan, with distances and angles for whoever builds"
-        " it. A second sheet has all corners, and where the dots of the lattice should be seen"
+        "Draw the bench to scale, with distances and angles, and a second sheet with all corners"
     )
     bl_idname = "kiriko.bench_drawing"
     bl_label = "Bench Drawing"

@@ -72,7 +72,9 @@ def sentence(
 def _foreseen(error: KirikoError, stays: str) -> Message:
     if not stays:
         return error.message
-    return Message("{error} But {thing} was kept (Undo removes it).", error=error.message, thing=stays)
+    return Message(
+        "{error} But {thing} was kept (Undo removes it).", error=error.message, thing=stays
+    )
 
 
 def _unforeseen(error: BaseException, label: str, state: Message) -> Message:

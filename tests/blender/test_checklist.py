@@ -235,7 +235,9 @@ def test_a_mesh_of_another_file_or_without_faces_is_not_mended(
     glass.data = linked(glass.data)
     empty = new_object(bpy.data.meshes.new("empty"), "GLASS")
     for verb in ("fill_holes", "turn_out", "shade_smooth", "smooth_glass"):
-        with pytest.raises(RuntimeError, match="'Cube' is linked from another file: change it there"):
+        with pytest.raises(
+            RuntimeError, match="'Cube' is linked from another file: change it there"
+        ):
             getattr(bpy.ops.kiriko, verb)(part=glass.name)
         with pytest.raises(RuntimeError, match="'thing' has no faces of its own"):
             getattr(bpy.ops.kiriko, verb)(part=empty.name)

@@ -141,7 +141,7 @@ def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
     assert not part("operators.work").is_busy()
     ((_, said),) = operator.said
 
-    assert said.startswith("Stopped. The rough image was kept. Undo")
+    assert said.startswith("Stopped; the rough image was kept. Undo")
     assert is_sentence(said)
     assert is_of_coarse(shown[0])
     bpy.ops.ed.undo()

@@ -114,6 +114,4 @@ def test_a_picture_is_opened_for_its_own_rig(kiriko, scene, tmp_path):
     drawing.it.invoke(in_window(), None)
     other = bpy.data.scenes.new("Other")
     assert drawing.it.execute(in_window(scene=other)) == {"CANCELLED"}
-    assert drawing.reports == [
-        STOPPED.format("Bench Drawing")
-    ]
+    assert drawing.reports == [STOPPED.format("Bench Drawing")]

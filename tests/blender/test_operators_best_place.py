@@ -58,7 +58,8 @@ def test_a_better_place_is_proposed_and_taken(scene, capfd):
     assert bpy.ops.kiriko.best_place() == {"FINISHED"}
     assert (place(rig["PICTURE"]) == before).all()
     text = re.search(
-        r"([\d.]+) % of the picture arrives now, ([\d.]+) % with the picture ([\d.]+) mm to the left",
+        r"([\d.]+) % of the picture arrives now, ([\d.]+) % with the picture ([\d.]+) mm to the"
+        " left",
         capfd.readouterr().out,
     )
     assert float(text[3]) == pytest.approx(3.8, abs=0.6)

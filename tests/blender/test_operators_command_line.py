@@ -288,7 +288,7 @@ def test_values_are_set_of_the_rig_that_is_solved(run, two_saved):
 def test_one_number_of_several_is_set(run, saved, capsys, path):
     """By the path that Copy Full Data Path gives, and as it is left where a shell takes quotes."""
     assert run("drawing", "--out", saved, "--set", path, "0.25") == 0
-    assert f"'{path}' is 0.25 now" in capsys.readouterr().out
+    assert f"'{path}' is now 0.25" in capsys.readouterr().out
     assert [*bpy.data.objects["Cube"].rotation_euler] == [0.0, 0.0, 0.25]
 
 
@@ -361,7 +361,7 @@ def test_a_job_of_all_rigs_has_the_values_in_each(run, two_saved):
 def test_a_rig_that_is_not_there_is_refused(run, two_saved, capsys):
     """By its name, with those that are; nothing is written."""
     assert run("solve", "--out", two_saved, "--rig", "Goblet") == 1
-    assert "no rig 'Goblet': there are 'Kiriko Rig', 'Kiriko Rig.001'" in refusal(capsys)
+    assert "no rig 'Goblet', only 'Kiriko Rig', 'Kiriko Rig.001'" in refusal(capsys)
     assert run("calibrate", "--out", two_saved, "--rig", "all", "--measured", "a.csv") == 2
     assert "A photograph is of one rig" in refusal(capsys)
     assert not two_saved.exists()

@@ -380,7 +380,9 @@ def test_an_index_that_the_material_has_is_told_to_have_no_effect(run, saved, zi
     glass.kiriko.use_ior = False
     bpy.ops.wm.save_mainfile()
     path, switch = (f'objects["Cube"].kiriko.{name}' for name in ("ior", "use_ior"))
-    told = f"kiriko: '{path}' has no effect while '{switch}' is off: set '{switch}' to true as well\n"
+    told = (
+        f"kiriko: '{path}' has no effect while '{switch}' is off: set '{switch}' to true as well\n"
+    )
     assert run("solve", "--set", path, "1.9", "--out", saved / "a") == 0
     assert told in capsys.readouterr().out
     job = ("job", "--vary", path, "--values", "1.4", "1.9", "--zip", zipped, "--out")
