@@ -20,15 +20,13 @@ BENCH = (
     "PLATE",
     "PICTURE",
     "DISPLAY",
-)  # not the viewer: it is so far away that the other parts would be tiny
+)  # without the viewer, which is far away
 LEAST_SEEN = 0.5  # of a new object's corners: with more in view, the view does not move
 _before: list[list[Any]] = []  # view changes stored by rigs, before undo or redo
 
 
 def select(context: bpy.types.Context, things: tuple[bpy.types.Object, ...]) -> None:
-    """Select only these objects. The active object stays if it is one of them, else the first is
-    active.
-    """
+    """Select only these objects. The active object stays active if it is one of them."""
     for thing in context.selected_objects:
         thing.select_set(False)
     for thing in things:
@@ -152,9 +150,9 @@ def before_undo(*_: object) -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """Restore the clip distances of a rig that undo removed, and set those of a rig that is back:
-    undo
-    does not change views.
+    """Restore the clip distances after undo, which does not change views: those before a removed
+    rig,
+    or with a restored one.
     """
     there = _changes_of_views()
     gone = [one for one in reversed(_before) if one not in there]

@@ -35,7 +35,9 @@ def _is_any(scene: bpy.types.Scene) -> bool:
 def _setting_their_own(
     context: bpy.types.Context, things: list[bpy.types.Object]
 ) -> dict[bpy.types.Object, list[bpy.types.Modifier]]:
-    """The active modifiers of objects that assign other materials than the slots, by object."""
+    """The active modifiers of objects whose modifiers assign other materials than the slots, by
+    object.
+    """
     context.view_layer.update()
     return {
         thing: [one for one in thing.modifiers if one.show_viewport]
@@ -53,9 +55,9 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
 
     product: bpy.props.EnumProperty(
         name="Product",
-        description="The glass that is made",
+        description="Kind of glass to make",
         items=[(name, name, tip) for name, tip in GLASS_TIPS.items()],
-        default="Acrylic",  # the index of glass without a material, so that results do not change
+        default="Acrylic",  # the index assumed for opaque glass: results do not change
         options={"SKIP_SAVE"},
     )
 
