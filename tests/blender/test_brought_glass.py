@@ -168,7 +168,7 @@ def test_a_downloaded_goblet_is_not_ready_before_it_is_merged_and_smooth(
     assert entry.icon == "ERROR"
     assert "faces are flat" in entry.text
     assert "flipped" in entry.text
-    texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
+    texts = drawn("main_panel", "VIEW3D_PT_kiriko_main").texts
     assert not [text for text in texts if text.startswith("Ready")]
 
     (button,) = entry.buttons
