@@ -65,10 +65,10 @@ def test_many_machines_make_the_same_maps(scene, tmp_path, run, capsys):
     assert re.search(r"Wrote \d+ maps .* px at most", capsys.readouterr().out)
 
     assert run("atlas", "--out", parts, *box, "--plan") == 0
-    assert re.search(r"places of the head .*: about .* min and .* MB", capsys.readouterr().out)
+    assert re.search(r"head positions .*: about .* min and .* MB", capsys.readouterr().out)
     assert contents(parts) == {}
     assert run("atlas", "--out", parts, "--check", 2) == 1
-    assert "lacks 4 of 4 places" in capsys.readouterr().err
+    assert "4 of 4 maps are missing" in capsys.readouterr().err
     for some in ("3-4", "2", "1-2"):
         assert run("atlas", "--out", parts, "--places", some) == 0
     assert run("atlas", "--out", parts, "--check", 2) == 0
@@ -162,28 +162,24 @@ def test_mistakes_are_one_sentence(scene, tmp_path, run, capsys):
     out = "atlas", "--out", tmp_path / "out"
     for given, code, sentence in (
         ((), 1, "The head does not move"),
-        (("--right", 20, -20), 1, "The head moves from 20 to -20 mm to the right"),
+        (("--right", 20, -20), 1, "range from 20 to -20 mm"),
         (("--forward", 0, 1e6), 1, "or behind it"),
-        (("--right", 0, 20, "--tolerance", 0), 1, "set one above 0"),
-        (
-            ("--right", 0, 20, "--most", 1),
-            1,
-            "1 places of the head are too few: the corners of its box are 2.",
-        ),
+        (("--right", 0, 20, "--tolerance", 0), 1, "set it above 0"),
+        (("--right", 0, 20, "--most", 1), 1, "1 head positions are too few. Set 2 or more"),
         (("--places", "0"), 2, "--places"),
         (("--places", "5-3"), 2, "--places"),
-        (("--places", "1"), 1, "has no index.json: plan the atlas first"),
+        (("--places", "1"), 1, "has no index.json. Plan the atlas first"),
         (("--plan", "--check", 2), 2, "not allowed with"),
         (("--share", "3/2"), 2, "--share"),
         (("--share", "two"), 2, "--share"),
-        (("--share", "1/2"), 1, "has no index.json: plan the atlas first"),
-        (("--halve",), 1, "has no index.json: plan the atlas first"),
+        (("--share", "1/2"), 1, "has no index.json. Plan the atlas first"),
+        (("--halve",), 1, "has no index.json. Plan the atlas first"),
         (("--job", 2), 1, "The head does not move"),
         (("--job", 0), 2, "--job"),
         (("--forward", 0, 1e6, "--job", 2), 1, "or behind it"),
-        (("--right", 0, 20, "--tolerance", 0, "--job", 2), 1, "set one above 0"),
-        (("--right", 0, 20, "--most", 1, "--job", 2), 1, "the corners of its box are 2."),
-        (("--right", 0, 20, "--job", 2000), 1, "2000 tasks cannot share the places"),
+        (("--right", 0, 20, "--tolerance", 0, "--job", 2), 1, "set it above 0"),
+        (("--right", 0, 20, "--most", 1, "--job", 2), 1, "Set 2 or more"),
+        (("--right", 0, 20, "--job", 2000), 1, "Tasks 2000: set it from 1 to 1024"),
     ):
         assert run(*out, *given) == code, given
         told = capsys.readouterr().err

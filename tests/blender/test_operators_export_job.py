@@ -106,12 +106,12 @@ def test_rigs_and_values_become_tasks(run, saved, zipped, capsys):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "one task only"),
+        ((), "only one task"),
         (("--frames", "nine"), "not a list of frames"),
         (("--frames", "1-3", "--rig", "none such"), "no rig 'none such'"),
         (("--frames", "1-3", "--chunk", "0"), "has no frames"),
-        (("--values", "1", "2"), "values of no property"),
-        (("--frames", "1-3", "--vary", "kiriko.tolerance"), "has no values of the property"),
+        (("--values", "1", "2"), "both a property and its values"),
+        (("--frames", "1-3", "--vary", "kiriko.tolerance"), "both a property and its values"),
         (("--vary", "kiriko.nope", "--values", "1"), "no property 'kiriko.nope'"),
         (
             ("--vary", "kiriko.tolerance", "--values", "0.1", "b"),
@@ -140,9 +140,9 @@ def test_bad_jobs_are_one_sentence(run, saved, zipped, capsys, words, said):
     ("change", "said"),
     [
         ("missing", "There is no zip"),
-        (None, "no zip of Kiriko"),
-        (('id = "kiriko"', 'id = "another"'), "no zip of Kiriko"),
-        (('\nversion = "', '\nversion = "99'), "name the zip of"),
+        (None, "not a zip of Kiriko"),
+        (('id = "kiriko"', 'id = "another"'), "not a zip of Kiriko"),
+        (('\nversion = "', '\nversion = "99'), "Name the zip of"),
     ],
 )
 def test_a_zip_that_no_worker_could_use_is_refused(run, saved, capsys, change, said):

@@ -181,7 +181,7 @@ def test_files_that_are_there_are_kept(scene, tmp_path):
 def test_picture_that_ffmpeg_has_no_room_for_is_one_sentence(scene, tmp_path):
     """It comes before any work, and leaves no folder."""
     small_rig()["PICTURE"].kiriko.image = bpy.data.images.new("Wide", 16384, 1)
-    with pytest.raises(RuntimeError, match=r"has 16384 x 1 pixels.* room for 16383: set a"):
+    with pytest.raises(RuntimeError, match=r"has 16384 x 1 pixels.* allow 16383: set a"):
         bpy.ops.kiriko.export_maps(directory=str(tmp_path / "m"), formats={"FFMPEG"}, times="4")
     assert not (tmp_path / "m").exists()
 
@@ -190,7 +190,7 @@ def test_picture_that_ffmpeg_has_no_room_for_is_one_sentence(scene, tmp_path):
     ("given", "sentence"),
     [
         ({"directory": ""}, "The maps have no folder: choose one."),
-        ({"formats": set()}, "No format is chosen for the maps: choose one or more."),
+        ({"formats": set()}, "No map format is selected. Select one or more."),
     ],
 )
 def test_nothing_to_write_is_one_sentence(scene, tmp_path, given, sentence):
@@ -252,5 +252,5 @@ def test_command_writes_maps_and_prints_the_one_for_ffmpeg(scene, tmp_path, caps
     assert run(["maps", *out, "--formats", "data"]) == 1
     assert "add --overwrite" in capsys.readouterr().err
     assert run(["maps", *out, "--overscan", "-1"]) == 1
-    assert "Overscan is -1 %: set it from 0 to 100." in capsys.readouterr().err
+    assert "Overscan -1 %: set it from 0 to 100." in capsys.readouterr().err
     assert run(["maps", *out, "--formats", "gif"]) == 2

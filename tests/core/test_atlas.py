@@ -179,7 +179,7 @@ def test_work_that_was_stopped_goes_on(ball_atlas):
     before, time = lost.read_bytes(), kept.stat().st_mtime_ns
     lost.unlink()
     assert making.missing(made_of.folder, atlas) == [1]
-    with pytest.raises(ImageError, match="lacks 1 of"):
+    with pytest.raises(ImageError, match=r"1 of .* maps are missing"):
         drain(making.checked(made_of, atlas))
 
     # by the same command: nothing is planned anew
@@ -194,7 +194,7 @@ def test_work_that_was_stopped_goes_on(ball_atlas):
 def test_index_of_another_rig_is_not_replaced(ball_atlas):
     made_of, _ = ball_atlas
     other = replace(made_of, rig=ball_rig(2, **SMALL))
-    with pytest.raises(ImageError, match="has the atlas of another rig"):
+    with pytest.raises(ImageError, match="an atlas of another rig"):
         drain(atlas_plan.planned(other, TWO_WAYS, 0.05, 100, False, "set Overwrite"))
     with pytest.raises(RigError, match="planned for"):
         atlas_plan.planned_before(other)
@@ -209,7 +209,7 @@ def test_maps_of_another_box_are_not_removed_unasked(tmp_path):
     atlas = drain(atlas_plan.planned(made_of, ASIDE, 9.0, 100, False, ""))
     drain(making.made(made_of, atlas, [0]))
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(ImageError, match="another box: choose another folder or set Overwrite"):
+    with pytest.raises(ImageError, match=r"another box\. Choose another folder, or set Overwrite"):
         drain(atlas_plan.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, Message("set Overwrite")))
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
     drain(atlas_plan.planned(made_of, TO_THE_RIGHT, 9.0, 100, True, ""))
@@ -251,9 +251,9 @@ def test_source_images_come_and_stay_beside_the_same_maps(tmp_path):
     other = replace(of, pictures=(replace(picture, image=picture.image * np.float32(0.5)),))
     before = contents(tmp_path)
     for wanted in (True, False):
-        with pytest.raises(ImageError, match="another picture, or in another light"):
+        with pytest.raises(ImageError, match="another picture or light"):
             plan(other, tolerance=8.0, has_images=wanted)
-    with pytest.raises(RigError, match="The picture, or its light"):
+    with pytest.raises(RigError, match="another rig, picture or light"):
         atlas_plan.planned_before(replace(made_of, rig=other))
     assert contents(tmp_path) == before
     made_of, atlas = plan(other, tolerance=8.0, overwrite=True, has_images=True)
@@ -287,7 +287,7 @@ def test_overwriting_removes_maps_that_are_no_part(tmp_path):
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"form": 99}', "[" * 100_000])
 def test_broken_index_is_one_sentence(tmp_path, text):
     (tmp_path / atlases.INDEX).write_text(text)
-    with pytest.raises(ImageError, match="no index of an atlas"):
+    with pytest.raises(ImageError, match="not the index of an atlas"):
         atlases.read(tmp_path)
 
 
@@ -299,7 +299,7 @@ def test_an_index_whose_numbers_contradict_each_other_is_refused(ball_atlas, tmp
     told = json.loads((tmp_path / atlases.INDEX).read_text())
     assert atlases.read(tmp_path).grid == atlas.grid
     (tmp_path / atlases.INDEX).write_text(json.dumps({**told, "halvings": halvings}))
-    with pytest.raises(ImageError, match="no index of an atlas"):
+    with pytest.raises(ImageError, match="not the index of an atlas"):
         atlases.read(tmp_path)
 
 
@@ -307,7 +307,7 @@ def test_broken_map_is_one_sentence(tmp_path):
     path = tmp_path / "map.npz"
     for data in (b"", b"PK", b"no map"):
         path.write_bytes(data)
-        with pytest.raises(ImageError, match="no map of an atlas"):
+        with pytest.raises(ImageError, match="not a map of an atlas"):
             head_map.read(path)
 
 
@@ -325,7 +325,7 @@ def test_heads_that_cannot_be_are_one_sentence():
     with pytest.raises(RigError, match="does not move"):
         HeadBox(none, none).check()
     for low, high in ((1.0, 0.0), (0.0, np.inf), (np.nan, 1.0)):
-        with pytest.raises(RigError, match="mm upwards: set two numbers"):
+        with pytest.raises(RigError, match="mm is not valid"):
             HeadBox((0.0, low, 0.0), (0.0, high, 0.0)).check()
     with pytest.raises(RigError, match="or behind it"):
         viewer_at(slab.viewer, slab.picture_place, (0.0, 0.0, 1.5))
@@ -334,5 +334,5 @@ def test_heads_that_cannot_be_are_one_sentence():
     own = replace(slab.picture_place, mesh=None)
     with pytest.raises(RigError, match="moves with it"):
         check_viewer(slab.viewer, own)
-    with pytest.raises(RigError, match="2 places of the head are too few"):
+    with pytest.raises(RigError, match="2 head positions"):
         drain(refine(maker(slab), ASIDE, slab.picture_place, 1e-6, 2))

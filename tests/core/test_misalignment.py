@@ -166,7 +166,7 @@ def test_a_bench_on_which_most_points_have_no_light_is_refused():
     """
     whole, small = (bench(cube_rig(pixels=256, plate=plate)) for plate in (0.488, 0.03))
     with pytest.raises(
-        RigError, match="Only 15 of 49 measured points can be followed to the display"
+        RigError, match="Only 15 of 49 measured points can be traced to the display"
     ):
         run_steps(fit(small, whole.view, tolerances_of(small)))
 

@@ -290,32 +290,32 @@ def turned_away(viewer):
 
 
 NO_PAIR = {
-    "one": (lambda a, b: (a,), "Two eyes are two viewers, and the rig has 1: choose"),
-    "three": (lambda a, b: (a, b, replace(a, name="third")), "and the rig has 3: choose"),
+    "one": (lambda a, b: (a,), "but the rig has 1. Choose"),
+    "three": (lambda a, b: (a, b, replace(a, name="third")), "but the rig has 3. Choose"),
     "away": (
         lambda a, b: (a, turned_away(b)),
-        "'left' and 'right' look in different directions and are no pair of eyes",
+        "'left' and 'right' are not a pair of eyes",
     ),
     "above": (
         lambda a, b: (a, replace(b, position=a.position + np.array([0, 0, 0.06]))),
-        "'left' and 'right' do not stand side by side and are no pair",
+        "'left' and 'right' are not a pair of eyes",
     ),
     "same place": (
         lambda a, b: (a, replace(b, position=a.position)),
-        "'left' and 'right' do not stand side by side and are no pair",
+        "'left' and 'right' are not a pair of eyes",
     ),
     "orthographic": (
         lambda a, b: (a, replace(b, projection="orthographic")),
-        "'right' is orthographic and is no eye: set it to Perspective",
+        "'right' is orthographic",
     ),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NO_PAIR)
-def test_what_is_no_pair_is_refused_in_one_sentence(name):
+def test_viewers_other_than_a_pair_of_eyes_are_refused(name):
     change, words = NO_PAIR[name]
     a_rig = slab_rig()
-    with pytest.raises(RigError, match=rf"^[^.]*{words}[^.]*\.$"):
+    with pytest.raises(RigError, match=words):
         seen(replace(a_rig, viewers=change(*a_rig.viewers)))
 
 
@@ -323,7 +323,7 @@ def test_a_picture_that_has_no_plane_is_refused():
     a_rig = slab_rig()
     picture = a_rig.picture
     curved = replace(icosphere(0.01, 1), uv=np.random.default_rng(0).random((80, 3, 2)))
-    for mesh, words in ((None, "in the viewer's own pixels"), (curved, "not a flat rectangle")):
+    for mesh, words in ((None, "in the viewer's pixels"), (curved, "not a flat rectangle")):
         with pytest.raises(RigError, match=words):
             seen(replace(a_rig, pictures=(replace(picture, mesh=mesh),)))
 

@@ -21,21 +21,21 @@ from ...rig.settings import Settings
 from ...rig.viewer import Viewer
 from ...solve.session import Session
 from . import head_map
-from .head_map import HeadMap, Refined, check, map_at, refine, solved_at
+from .head_map import HeadMap, Refined, check, map_at, refine, solved_at, too_coarse
 from .heads import AXES, HeadBox, HeadGrid, Offset
 
 INDEX = "index.json"
 FORM = 1  # version of the index format
 BYTES_A_PIXEL = 3  # of a source image, uncompressed
 CONVENTION = (
-    "axes: places of the head, m, to the right, up and forward of `origin`, along the rows of"
-    " `frame` (world).",
-    "maps: a file for each place, forward fastest. st: for each display pixel, row 0 at the top,"
-    " the place in the picture that it shows, 0 to 1 from its left and lower edge, NaN for nothing."
-    " coverage: 0 to 1, of the pixel. path: pixels of two maps show the same path of the light"
-    " where these numbers are equal.",
-    "Between places st is blended by the weights of the corners of the cell, among those whose path"
-    " is that of the nearest corner that shows the pixel; coverage is blended among all.",
+    "axes: head positions, m, to the right, up and forward of `origin`, along the rows of `frame`"
+    " (world).",
+    "maps: a file for each head position, forward fastest. st: the position in the picture shown by"
+    " each display pixel, row 0 at the top, 0 to 1 from the left and lower edge, NaN for nothing."
+    " coverage: 0 to 1, of the pixel. path: pixels of two maps with equal numbers show the same"
+    " light path.",
+    "Between head positions, st is blended by the weights of the cell's corners. Only corners with"
+    " the path of the nearest corner with coverage count. coverage is blended among all corners.",
 )
 
 
@@ -107,7 +107,7 @@ def new(
 
 def write(folder: Path, atlas: Atlas) -> None:
     """Write the index of an atlas atomically."""
-    told = {
+    index = {
         "form": FORM,
         "rig": atlas.rig,
         "viewer": atlas.viewer,
@@ -125,7 +125,7 @@ def write(folder: Path, atlas: Atlas) -> None:
         "checked": atlas.checked,
         "convention": CONVENTION,
     }
-    disk.write_text(folder / INDEX, json.dumps(told, indent=2) + "\n")
+    disk.write_text(folder / INDEX, json.dumps(index, indent=2) + "\n")
 
 
 def read(folder: Path) -> Atlas | None:
@@ -140,31 +140,31 @@ def read(folder: Path) -> Atlas | None:
         return None
 
     try:
-        told = json.loads(disk.read_bytes(path).decode())
-        if told["form"] != FORM:
-            raise ValueError(f"form {told['form']}")
-        nodes = [told["axes"][axis] for axis in AXES]
+        index = json.loads(disk.read_bytes(path).decode())
+        if index["form"] != FORM:
+            raise ValueError(f"form {index['form']}")
+        nodes = [index["axes"][axis] for axis in AXES]
         halvings = tuple(max((len(along) - 1).bit_length() - 1, 0) for along in nodes)
-        if list(halvings) != told["halvings"]:
+        if list(halvings) != index["halvings"]:
             raise ValueError("its halvings are not those of its axes")
         low, high = (tuple(float(along[k]) for along in nodes) for k in (0, -1))
         return Atlas(
-            rig=told["rig"],
-            viewer=told["viewer"],
-            origin=tuple(told["origin"]),
-            frame=tuple(map(tuple, told["frame"])),
-            picture_size=tuple(told["picture_size"]),
-            display_size=tuple(told["display_size"]),
-            tolerance=float(told["tolerance_px"]),
-            image_key=told["images_of"] if told["images"] else None,
+            rig=index["rig"],
+            viewer=index["viewer"],
+            origin=tuple(index["origin"]),
+            frame=tuple(map(tuple, index["frame"])),
+            picture_size=tuple(index["picture_size"]),
+            display_size=tuple(index["display_size"]),
+            tolerance=float(index["tolerance_px"]),
+            image_key=index["images_of"] if index["images"] else None,
             grid=HeadGrid(HeadBox(low, high), halvings),
-            planned=told["planned"],
-            checked=told["checked"],
+            planned=index["planned"],
+            checked=index["checked"],
         )
     except MALFORMED as reason:
         raise ImageError(
-            "The file '{path}' is no index of an atlas ({why}): choose another folder, or remove"
-            " it.",
+            "'{path}' is not the index of an atlas ({why}). Choose another folder, or remove the"
+            " file.",
             path=path,
             why=reason,
         ) from None
@@ -190,19 +190,18 @@ def _in_name(offset: Offset) -> str:
 def amount(atlas: Atlas) -> Message:
     """Estimated number of positions, time and size."""
     n = len(atlas.grid)
-    told = Message(
-        "{n} places of the head ({right} right, {up} up, {forward} forward): about"
-        " {minutes} min and {mb} MB",
+    width, height = atlas.display_size
+    n_bytes = atlas.planned["bytes_a_map"]
+    if atlas.has_images:
+        n_bytes += width * height * BYTES_A_PIXEL
+    return Message(
+        "{n} head positions ({right} across, {up} up, {forward} forward): about {minutes} min and"
+        " up to {mb} MB",
         n=n,
         **dict(zip(AXES, map(len, atlas.grid.nodes), strict=True)),
         minutes=number(n * atlas.planned["seconds_a_map"] / 60),
-        mb=number(n * atlas.planned["bytes_a_map"] / 1e6),
+        mb=number(n * n_bytes / 1e6),
     )
-    if not atlas.has_images:
-        return told
-    width, height = atlas.display_size
-    most = n * width * height * BYTES_A_PIXEL / 1e6
-    return Message("{atlas}, and up to {mb} MB of source images", atlas=told, mb=number(most))
 
 
 SaveImage = Callable[[Path, NDArray[np.float32]], None]
@@ -283,15 +282,14 @@ def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, 
     ------
     ImageError : files are missing
     """
-    lacking = missing(making.folder, atlas)
-    if lacking:
+    absent = missing(making.folder, atlas)
+    if absent:
         raise ImageError(
-            "The atlas in '{folder}' lacks {n} of {of} places, the first is {name}: make them"
-            " first.",
-            folder=making.folder,
-            n=len(lacking),
+            "{n} of {of} maps are missing in the atlas '{folder}', first {name}. Make them first.",
+            n=len(absent),
             of=len(atlas.grid),
-            name=atlas.maps[lacking[0]],
+            folder=making.folder,
+            name=atlas.maps[absent[0]],
         )
 
     offs, names = [], atlas.maps
@@ -302,13 +300,13 @@ def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, 
         maps = [head_map.read(making.folder / names[i]) for i in numbers]
         offs.append(head_map.off(head_map.between(maps, weights), true, atlas.picture_size))
 
-    told = {
+    result = {
         "heads": n,
         "median_px": float(np.median([off.median for off in offs])),
         "most_px": max(off.most for off in offs),
         "at_borders": float(np.mean([off.at_borders for off in offs])),
     }
-    atlas = replace(atlas, checked=told)
+    atlas = replace(atlas, checked=result)
     write(making.folder, atlas)
     return atlas
 
@@ -322,8 +320,9 @@ def refuse_too_coarse(atlas: Atlas) -> None:
     """Raise RigError if a checked atlas misses its tolerance."""
     if not is_fine(atlas):
         raise RigError(
-            "With {n} places of the head blending is {off:.3g} px off, of {tolerance:g}: make it"
-            " without --plan, or plan it anew with a smaller tolerance.",
+            "With {n} head positions, blended maps are {off:.3g} px off; the tolerance is"
+            " {tolerance:g} px. Make the atlas without --plan, or plan it again with a smaller"
+            " tolerance.",
             n=len(atlas.grid),
             off=atlas.checked["most_px"],
             tolerance=atlas.tolerance,
@@ -340,13 +339,7 @@ def finer(atlas: Atlas, most: int) -> Atlas:
     axis = max(off, key=lambda name: off[name]["most"])
     grid = atlas.grid.halved(AXES.index(axis))
     if len(grid) > most:
-        raise RigError(
-            "With {n} places of the head blending is {off:.3g} px off: set a larger tolerance, a"
-            " smaller box, or more than {most} places.",
-            n=len(atlas.grid),
-            off=atlas.checked["most_px"],
-            most=most,
-        )
+        raise too_coarse(len(atlas.grid), atlas.checked["most_px"], most)
 
     # the error of a smooth map falls to a quarter with each halving
     less = {**off, axis: {**off[axis], "most": off[axis]["most"] / 4}}
@@ -413,7 +406,8 @@ def planned(
     is_of_rig = before is not None and before.rig == making.key
     if before is not None and not is_of_rig and not overwrite:
         raise ImageError(
-            "The folder '{folder}' has the atlas of another rig: choose another or {remedy}.",
+            "The folder '{folder}' has an atlas of another rig. Choose another folder, or"
+            " {remedy}.",
             folder=making.folder,
             remedy=remedy,
         )
@@ -425,8 +419,8 @@ def planned(
     else:
         if _has_places_of_another_box(making.folder, before, box) and not overwrite:
             raise ImageError(
-                "The folder '{folder}' has the atlas of a head in another box: choose another"
-                " folder or {remedy}.",
+                "The folder '{folder}' has an atlas of another box. Choose another folder, or"
+                " {remedy}.",
                 folder=making.folder,
                 remedy=remedy,
             )
@@ -438,9 +432,9 @@ def planned(
 
     write(making.folder, atlas)
     if before is not None:
-        kept = set(atlas.maps) if is_of_rig else set()
-        kept |= set(atlas.images) if before.image_key == image_key else set()
-        _remove(making.folder, {*before.maps, *before.images} - kept)
+        reused = set(atlas.maps) if is_of_rig else set()
+        reused |= set(atlas.images) if before.image_key == image_key else set()
+        _remove(making.folder, {*before.maps, *before.images} - reused)
     return atlas
 
 
@@ -454,8 +448,8 @@ def _image_key(making: Making, before: Atlas | None, overwrite: bool, remedy: st
             return making.image_key
         if not overwrite:
             raise ImageError(
-                "The folder '{folder}' has source images of another picture, or in another light:"
-                " choose another folder or {remedy}.",
+                "The folder '{folder}' has source images of another picture or light. Choose"
+                " another folder, or {remedy}.",
                 folder=making.folder,
                 remedy=remedy,
             )
@@ -477,8 +471,7 @@ def _remove(folder: Path, names: Iterable[str]) -> None:
             (folder / name).unlink(missing_ok=True)
         except OSError as reason:
             raise ImageError(
-                "The file '{path}' of an earlier atlas cannot be removed ({why}): remove it"
-                " yourself.",
+                "The old file '{path}' cannot be removed ({why}). Remove it yourself.",
                 path=folder / name,
                 why=reason.strerror,
             ) from None
@@ -492,24 +485,19 @@ def planned_before(making: Making) -> Atlas:
     atlas = read(making.folder)
     if atlas is None:
         raise ImageError(
-            "The folder '{folder}' has no {index}: plan the atlas first.",
+            "The folder '{folder}' has no {index}. Plan the atlas first.",
             folder=making.folder,
             index=INDEX,
         )
-    if atlas.rig != making.key:
+    is_of_images = not atlas.has_images or atlas.image_key == making.image_key
+    if not (atlas.rig == making.key and is_of_images):
         raise RigError(
-            "The rig is not the one that the atlas in '{folder}' was planned for: plan it anew.",
-            folder=making.folder,
-        )
-    if atlas.has_images and atlas.image_key != making.image_key:
-        raise RigError(
-            "The picture, or its light, is not the one that the source images in '{folder}' were"
-            " planned for: plan them anew.",
+            "The atlas in '{folder}' was planned for another rig, picture or light. Plan it again.",
             folder=making.folder,
         )
     if making.has_images and not atlas.has_images:
         raise RigError(
-            "The atlas in '{folder}' was planned without source images: plan it anew with them, and"
+            "The atlas in '{folder}' was planned without source images. Plan it again with them;"
             " its maps stay.",
             folder=making.folder,
         )

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Bools, Floats
-from ...base.errors import ImageError, RigError
+from ...base.errors import ImageError, RigError, out_of_range
+from ...base.messages import Message
 from ...base.steps import subprogress
 from ...files import disk
 from ...image.ghosts import NO_PATH
@@ -28,9 +29,10 @@ from ...solve.first_picture import check_light
 from ...solve.session import Session
 from ..warp.stmap import of_places
 from ..warp.view_from_display import middles, view_from_display
-from .heads import AXES, IN_WORDS, HeadBox, HeadGrid, Offset, check_viewer, viewer_at
+from .heads import AXES, HeadBox, HeadGrid, Offset, check_viewer, viewer_at
 
 Singles = NDArray[np.float32]
+OWNER = Message("The atlas")  # of settings, at the start of a message
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +160,7 @@ def read(path: Path) -> HeadMap:
             return HeadMap(arrays["st"], arrays["coverage"], arrays["path"])
     except (ValueError, LookupError, BadZipFile, EOFError) as reason:
         raise ImageError(
-            "The file '{path}' is no map of an atlas ({why}): remove it, and write it anew.",
+            "'{path}' is not a map of an atlas ({why}). Remove it and write it again.",
             path=path,
             why=reason,
         ) from None
@@ -214,9 +216,7 @@ def check(rig: Rig, viewer: Viewer, box: HeadBox, tolerance: float, most: int) -
     rig.check()
     check_viewer(viewer, rig.picture_place)
     if not tolerance > 0:
-        raise RigError(
-            "The tolerance of the atlas is {tolerance:g} px: set one above 0.", tolerance=tolerance
-        )
+        raise out_of_range(OWNER, "Tolerance", f"{tolerance:g} px", 0)
     for offset in _corners(box, most):
         viewer_at(viewer, rig.picture_place, offset)
 
@@ -225,11 +225,11 @@ def check_heads(rig: Rig, viewer: Viewer, settings: Settings, box: HeadBox, most
     """Raise RigError or MeshError if a coarse trace from the box's middle or from a corner sees
     nothing.
     """
-    kept = MeshCache()
+    cache = MeshCache()
     middle = tuple((a + b) / 2 for a, b in zip(box.low, box.high, strict=True))
     for offset in (middle, *_corners(box, most)):
         head = viewer_at(viewer, rig.picture_place, offset)
-        check_light(kept, replace(rig, viewers=(head,)), settings)
+        check_light(cache, replace(rig, viewers=(head,)), settings)
 
 
 def refine(
@@ -259,17 +259,10 @@ def refine(
             worst = yield from subprogress(steps, so_far, done)
             if worst.most <= tolerance / n_axes:
                 break
-            grid = grid.halved(axis)
-            if len(grid) > most:
-                raise RigError(
-                    "{n} places of the head are too few: with {there} of them {axis}, blending"
-                    " is {off:.3g} px off: set a larger tolerance, a smaller box, or more places"
-                    " (where light is chaotic no number is enough).",
-                    n=most,
-                    there=len(grid.nodes[axis]) // 2 + 1,
-                    axis=IN_WORDS[axis],
-                    off=worst.most,
-                )
+            finer = grid.halved(axis)
+            if len(finer) > most:
+                raise too_coarse(len(grid), worst.most, most)
+            grid = finer
         found[AXES[axis]] = worst
 
     return Refined(
@@ -281,13 +274,25 @@ def refine(
     )
 
 
+def too_coarse(n: int, off: float, most: int) -> RigError:
+    """Error for a grid of `n` positions that is `off` px off and cannot be refined."""
+    return RigError(
+        "With {n} head positions, blended maps are {off:.3g} px off. Set a larger tolerance, a"
+        " smaller box, or more than {most} positions (chaotic light never has enough).",
+        n=n,
+        off=off,
+        most=most,
+    )
+
+
 def _corners(box: HeadBox, most: int) -> list[Offset]:
     """Positions of the coarsest grid; RigError if the box is empty or has more than `most`."""
     box.check()
     grid = HeadGrid(box)
     if len(grid) > most:
         raise RigError(
-            "{n} places of the head are too few: the corners of its box are {corners}.",
+            "{n} head positions are too few. Set {corners} or more, one for each corner of the"
+            " box.",
             n=most,
             corners=len(grid),
         )

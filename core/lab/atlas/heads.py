@@ -13,7 +13,6 @@ from ...rig.rig import PicturePlace
 from ...rig.viewer import Viewer
 
 AXES = ("right", "up", "forward")
-IN_WORDS = Message("to the right"), Message("upwards"), Message("forward")
 IS_ASIDE = 1e-6  # of the distance: a picture that is nearer to the head than this is at it
 Offset = tuple[float, float, float]
 
@@ -30,17 +29,16 @@ class HeadBox:
 
     def check(self) -> None:
         """Raise RigError if the box is invalid or has no movement."""
-        for words, low, high in zip(IN_WORDS, self.low, self.high, strict=True):
+        for low, high in zip(self.low, self.high, strict=True):
             if not (np.isfinite(low) and np.isfinite(high) and low <= high):
                 raise RigError(
-                    "The head moves from {low:g} to {high:g} mm {axis}: set two numbers, the"
-                    " smaller one first.",
+                    "The head's range from {low:g} to {high:g} mm is not valid. Set the smaller"
+                    " number first.",
                     low=1e3 * low,
                     high=1e3 * high,
-                    axis=words,
                 )
         if not self.axes:
-            raise RigError("The head does not move: set how far it goes right, up or forward.")
+            raise RigError("The head does not move. Set its range to the right, up or forward.")
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -116,7 +114,7 @@ def check_perspective(viewer: Viewer) -> None:
     """Raise RigError if a viewer is orthographic, and so has no head."""
     if viewer.projection == "orthographic":
         raise RigError(
-            "The viewer '{viewer}' is orthographic and has no head that moves: set it to"
+            "The viewer '{viewer}' is orthographic, so it has no eye position. Set it to"
             " Perspective.",
             viewer=viewer.name,
         )
@@ -159,8 +157,8 @@ def viewer_about(viewer: Viewer, middle: Floats, name: Message, offset: Offset) 
     far, near = np.linalg.norm(before), np.linalg.norm(after)
     if near < IS_ASIDE * far or after @ before <= 0:
         raise RigError(
-            "The head at {right:.4g}, {up:.4g}, {forward:.4g} mm is at {point}, or behind it: let"
-            " it move less far.",
+            "The head position {right:.4g}, {up:.4g}, {forward:.4g} mm is at {point} or behind it."
+            " Reduce the range.",
             **dict(zip(AXES, (1e3 * x for x in offset), strict=True)),
             point=name,
         )

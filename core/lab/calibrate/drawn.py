@@ -48,13 +48,14 @@ class Lattice:
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 2:
             raise ImageError(
-                "A lattice of {columns} x {rows} points is too small: take 2 or more each way.",
+                "A lattice of {columns} x {rows} points is too small. Set 2 or more in each"
+                " direction.",
                 columns=self.columns,
                 rows=self.rows,
             )
         if not 0 <= self.margin < 0.5:
             raise ImageError(
-                "A lattice cannot have a margin of {margin:g}: set one from 0 to below 0.5.",
+                "A lattice cannot have a margin of {margin:g}. Set it to 0 or more, below 0.5.",
                 margin=self.margin,
             )
 
@@ -89,8 +90,8 @@ class Lattice:
         thin = DRAWING.line if style == "grid" else DRAWING.dot
         if spacing * thin < DRAWING.least_px:
             raise ImageError(
-                "{columns} x {rows} points do not fit into {width} x {height} pixels: take"
-                " fewer points, or {pixels:.0f} pixels.",
+                "{columns} x {rows} points do not fit into {width} x {height} pixels. Set fewer"
+                " points, or {pixels:.0f} pixels.",
                 columns=self.columns,
                 rows=self.rows,
                 width=width,
@@ -100,8 +101,8 @@ class Lattice:
 
         if room < (DRAWING.mark if style == "dots" else 5 * DRAWING.line) * spacing:
             raise ImageError(
-                "A margin of {margin:g} would cut the outer points: set one of half a"
-                " spacing, {half:.2g}.",
+                "A margin of {margin:g} would cut the outer points. Set half a spacing,"
+                " {half:.2g}.",
                 margin=self.margin,
                 half=0.5 / min(self.columns, self.rows),
             )

@@ -38,15 +38,14 @@ from .match import (
 MISTAKEN = 0.3  # spacings, distance from the prediction at which a point is reported
 N_COMPARED = 400  # samples along each axis to compare a photograph with the picture
 # mistakes in the numbering: u mirrored, v mirrored, shift in columns and rows
-WAYS = {
-    Message("mirrored"): (True, False, 0, 0),
-    Message("upside down and mirrored"): (False, True, 0, 0),
-    Message("upside down"): (True, True, 0, 0),
-    Message("a column to the left"): (False, False, 1, 0),
-    Message("a column to the right"): (False, False, -1, 0),
-    Message("a row higher"): (False, False, 0, -1),
-    Message("a row lower"): (False, False, 0, 1),
-}
+SHIFTED = Message("shifted by a column or row")
+UPSIDE_DOWN = Message("upside down")
+MISTAKES = (
+    (Message("mirrored"), True, False, 0, 0),
+    (UPSIDE_DOWN, False, True, 0, 0),
+    (UPSIDE_DOWN, True, True, 0, 0),
+    *((SHIFTED, False, False, *step) for step in ((1, 0), (-1, 0), (0, -1), (0, 1))),
+)
 
 
 class _Misplaced(NamedTuple):
@@ -82,8 +81,8 @@ def check(points: Floats, lattice: Lattice) -> None:
 
     if rough > MISTAKEN or len(found.wanted) > len(sites) / 3:
         raise ImageError(
-            "The points are not in the order of a lattice of {columns} x {rows}: number"
-            " them by column and row, or set the lattice that was shown.",
+            "The points do not form a lattice of {columns} x {rows} in this order. Number them by"
+            " column and row, or correct the lattice.",
             columns=lattice.columns,
             rows=lattice.rows,
         )
@@ -91,9 +90,8 @@ def check(points: Floats, lattice: Lattice) -> None:
     if found.wanted:
         names = {site: lattice.name(sites[site]) for site in found.wanted}
         raise ImageError(
-            "Some points are hardly where they belong: {problems}. Correct that, or leave them"
-            " out.",
-            problems=joined(_told(found, names), "; "),
+            "Some points look wrong: {problems}. Correct them, or leave them out.",
+            problems=joined(_problems(found, names), "; "),
         )
 
 
@@ -118,7 +116,7 @@ def _misplaced(
     return found
 
 
-def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
+def _problems(found: _Misplaced, names: dict[Site, str]) -> list[str]:
     """Messages on misplaced points, swapped pairs first."""
 
     def is_in_place_of(here: Site, there: Site) -> bool:
@@ -140,7 +138,7 @@ def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
             far = np.abs(found.at[site] - found.wanted[site])
             told.append(
                 Message(
-                    "point {point} stands {far:.0f} pixels from where its neighbours have it",
+                    "point {point} is {far:.0f} pixels from its expected position",
                     point=names[site],
                     far=far,
                 )
@@ -152,14 +150,14 @@ def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
 def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[str]:
     """Names of outer columns and rows with expected points (m, 2) but no found point (m, 2)."""
     shape = lattice.rows, lattice.columns
-    is_known, is_due = (np.isfinite(xy).all(axis=1).reshape(shape) for xy in (points, expected))
+    is_found, is_due = (np.isfinite(xy).all(axis=1).reshape(shape) for xy in (points, expected))
     borders = {
-        Message("the first column"): np.s_[:, 0],
-        Message("the last column"): np.s_[:, -1],
-        Message("the first row"): np.s_[0],
-        Message("the last row"): np.s_[-1],
+        Message("column {number}", number=1): np.s_[:, 0],
+        Message("column {number}", number=lattice.columns): np.s_[:, -1],
+        Message("row {number}", number=1): np.s_[0],
+        Message("row {number}", number=lattice.rows): np.s_[-1],
     }
-    return [name for name, k in borders.items() if is_due[k].any() and not is_known[k].any()]
+    return [name for name, k in borders.items() if is_due[k].any() and not is_found[k].any()]
 
 
 def check_way(points: Floats, expected: Floats) -> None:
@@ -177,8 +175,8 @@ def check_way(points: Floats, expected: Floats) -> None:
         or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear))) > MOST_TURNED_RAD
     ):
         raise ImageError(
-            "The points are mirrored or turned: count columns from the left and rows from"
-            " the top, and hold the camera as the viewer looks."
+            "The points are mirrored or rotated. Count columns from the left and rows from the"
+            " top, and hold the camera upright like the viewer."
         )
 
 
@@ -225,8 +223,8 @@ def check_picture(
     way, more = _most_like(seen, is_inside, picture, np.stack([u, v], axis=1), steps)
     if more > (-0.005 if is_unsure else 0.005):
         raise ImageError(
-            "The photograph seems to show the picture {way}: hold the camera as the viewer"
-            " looks, show the whole lattice, or name each point in a CSV file.",
+            "The photograph seems to show the picture {way}. Hold the camera upright like the"
+            " viewer, show the whole lattice, or number the points in a CSV file.",
             way=way,
         )
 
@@ -234,9 +232,8 @@ def check_picture(
 def _most_like(
     seen: NDArray, is_inside: Bools, picture: NDArray, uv: Floats, steps: Floats
 ) -> tuple[str, float]:
-    """The mistake in WAYS that best matches the picture at UV (n, 2) to the seen colours (n, c),
-    and
-    its gain in correlation over no mistake.
+    """The mistake that best matches the picture at UV (n, 2) to the seen colours (n, c), and its
+    gain in correlation over no mistake.
 
     is_inside : (n,) samples to compare
     steps : (2,) between columns and between rows, in UV
@@ -246,7 +243,7 @@ def _most_like(
     n = min(seen.shape[1], shown.shape[1])
     most, way = -np.inf, ""
 
-    for name, (mirror_u, mirror_v, columns, rows) in WAYS.items():
+    for name, mirror_u, mirror_v, columns, rows in MISTAKES:
         other_u = (1 - u if mirror_u else u) + columns * steps[0]
         other_v = (1 - v if mirror_v else v) + rows * steps[1]
         other, is_there = _read(picture, np.stack([other_u, 1 - other_v], axis=1))
@@ -305,7 +302,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     measured = _measured(table, lattice)
 
     if not (measured.loose or measured.lines):
-        raise ImageError("The file '{path}' has no points: choose another one.", path=table.path)
+        raise ImageError("The file '{path}' has no points. Choose another file.", path=table.path)
     if not measured.loose:
         return measured.named
 
@@ -313,8 +310,8 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     missing = missing_borders(found, expected, lattice)
     if missing:
         raise ImageError(
-            "In the file '{path}' {missing} is missing, so that its points cannot be told"
-            " apart: complete it, or name the points (column, row, x, y).",
+            "The file '{path}' has no points in {missing}, so they cannot be numbered. Add the"
+            " points, or name them (column, row, x, y).",
             path=table.path,
             missing=missing[0],
         )
@@ -357,7 +354,9 @@ def _text(path: Path) -> str:
         text = data.decode("latin-1")  # only comments can contain other characters
 
     if "\0" in text:
-        raise ImageError("The file '{path}' is no text: choose a CSV file of points.", path=path)
+        raise ImageError(
+            "The file '{path}' is not a text file. Choose a CSV file of points.", path=path
+        )
 
     # spreadsheets may add a line with the separator
     return text.partition("\n")[2] if text.lower().startswith("sep=") else text
@@ -379,7 +378,7 @@ def _table(path: Path) -> _PointTable:
         ]
     except csv.Error as reason:
         raise ImageError(
-            "The file '{path}' is no CSV file, see line {line} ({why}): repair it.",
+            "The file '{path}' is not a valid CSV file. Correct line {line} ({why}).",
             path=path,
             line=rows.line_num,
             why=reason,
@@ -389,8 +388,7 @@ def _table(path: Path) -> _PointTable:
     wanted = ["x", "y"] if {"column", "row"}.isdisjoint(head) else ["column", "row", "x", "y"]
     if any(head.count(name) != 1 for name in wanted):
         raise ImageError(
-            "The file '{path}' does not begin with the names column, row, x, y, or x, y:"
-            " add that line.",
+            "The file '{path}' has no header. Begin it with the line column, row, x, y or x, y.",
             path=path,
         )
 
@@ -410,7 +408,7 @@ def _measured(table: _PointTable, lattice: Lattice) -> _Measured:
         where = partial(_line, number, table.path)
         if len(cells) <= max(table.places):
             raise ImageError(
-                "{where} has {n_cells} of {n_columns} columns: complete or remove it.",
+                "{where} has {n_cells} of {n_columns} columns. Complete or remove it.",
                 where=where(),
                 n_cells=len(cells),
                 n_columns=table.n_columns,
@@ -430,7 +428,7 @@ def _measured(table: _PointTable, lattice: Lattice) -> _Measured:
         index = _index(values[:2], where, lattice)
         if index in found.lines:
             raise ImageError(
-                "{where} has the point {point} of line {line} again: remove one.",
+                "{where} repeats the point {point} of line {line}. Remove one of them.",
                 where=where(),
                 point=lattice.name(index),
                 line=found.lines[index],
@@ -451,8 +449,8 @@ def _index(values: list[str], where: Callable[[], Message], lattice: Lattice) ->
     column, row = (_number(value, where) for value in values)
     if not (column in range(1, lattice.columns + 1) and row in range(1, lattice.rows + 1)):
         raise ImageError(
-            "{where} has a point ({column:g}, {row:g}), but columns run from 1 to"
-            " {columns} and rows from 1 to {rows}: correct it.",
+            "{where} has a point ({column:g}, {row:g}), but columns run from 1 to {columns} and"
+            " rows from 1 to {rows}. Correct it.",
             where=where(),
             column=column,
             row=row,
@@ -467,13 +465,11 @@ def _number(text: str, where: Callable[[], Message]) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise ImageError(
-            "{where} has '{text}' where a number should be: correct it.", where=where(), text=text
-        ) from None
+        value = np.nan
 
     if not np.isfinite(value):
         raise ImageError(
-            "{where} has '{text}', which is no finite number: correct or remove the line.",
+            "{where} has '{text}' instead of a number. Correct or remove the line.",
             where=where(),
             text=text,
         )

@@ -129,8 +129,8 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
             return state
 
     raise RigError(
-        "The fit still changes after {steps} steps: look for wrong or swapped points,"
-        " compare the lattice with the picture, or lower the tolerances.",
+        "The fit has not converged after {steps} steps. Look for wrong or swapped points, compare"
+        " the lattice with the picture, or lower the tolerances.",
         steps=DAMPING.most_steps,
     )
 
@@ -239,7 +239,7 @@ def fit(
     n_measured = int(is_measured.sum())
     if n_measured < FEWEST:
         raise RigError(
-            "Only {n_measured} points were measured: a fit takes {least} or more.",
+            "Only {n_measured} points were measured. A fit needs {least} or more.",
             n_measured=n_measured,
             least=FEWEST,
         )
@@ -310,16 +310,15 @@ def _check(used: Bools, n_left: int, after: float, noise: float) -> None:
     """
     if used.sum() < max(FEWEST, FITTING.least_used * n_left):
         raise RigError(
-            "Only {n_used} of {n_left} measured points can be followed to the display: look"
-            " for swapped points, for points of another rig, or for glass with many flat"
-            " faces.",
+            "Only {n_used} of {n_left} measured points can be traced to the display. Look for"
+            " swapped points, points of another rig, or glass with many flat faces.",
             n_used=used.sum(),
             n_left=n_left,
         )
     if after >= FITTING.unlikely * noise:
         raise RigError(
-            "The points lie {off:.3g} pixels from every place where the rig can show them:"
-            " look for swapped points, or for points of another rig.",
+            "The points are {off:.3g} pixels from the nearest possible positions in this rig. Look"
+            " for swapped points, or points of another rig.",
             off=after,
         )
 
@@ -431,11 +430,17 @@ def _places(viewer: Viewer, pivot: Floats) -> dict[Message, Motion]:
     right, up, away = viewer.axes
     angle = ASIDE_DEGREES
     nearer = (1 - NEARER) * ((pivot - viewer.position) @ away) * away
+    turns = (
+        (Message("to the right"), turned(up, angle, pivot)),
+        (Message("to the left"), turned(up, -angle, pivot)),
+        (Message("up"), turned(right, -angle, pivot)),
+        (Message("down"), turned(right, angle, pivot)),
+    )
     return {
-        Message("{angle:g} degrees further right", angle=angle): turned(up, angle, pivot),
-        Message("{angle:g} degrees further left", angle=angle): turned(up, -angle, pivot),
-        Message("{angle:g} degrees higher", angle=angle): turned(right, -angle, pivot),
-        Message("{angle:g} degrees lower", angle=angle): turned(right, angle, pivot),
+        **{
+            Message("{angle:g} degrees {direction}", angle=angle, direction=direction): motion
+            for direction, motion in turns
+        },
         Message("{factor:g} times the distance", factor=NEARER): Motion(np.eye(3), nearer),
     }
 

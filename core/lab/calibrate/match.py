@@ -261,8 +261,8 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     sites = largest(points, np.ones(len(points)), *_expected_steps(expected, lattice))
     if len(sites) < FEWEST:
         raise ImageError(
-            "The {n_points} points do not form the lattice of {columns} x {rows}: choose"
-            " another photograph, or name each point in a CSV file.",
+            "The {n_points} points do not form the lattice of {columns} x {rows}. Choose another"
+            " photograph, or number the points in a CSV file.",
             n_points=len(points),
             columns=lattice.columns,
             rows=lattice.rows,
@@ -285,8 +285,8 @@ def _check_extra(n_points: int, n: int, lattice: Lattice) -> None:
     extra = n_points - n
     if extra > max(3, n // 4):
         raise ImageError(
-            "{extra} of {n_points} points have no place in the lattice of {columns} x"
-            " {rows}: remove other bright spots, or set the lattice that is shown.",
+            "{extra} of {n_points} points do not fit the lattice of {columns} x {rows}. Remove"
+            " other bright spots, or correct the lattice.",
             extra=extra,
             n_points=n_points,
             columns=lattice.columns,
@@ -303,8 +303,8 @@ def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArra
     is_known = np.isfinite(right) & np.isfinite(down) & (np.abs(right) > 0) & (np.abs(down) > 0)
     if not is_known.any():
         raise ImageError(
-            "The viewer sees too little of the lattice to tell its points apart: compare"
-            " its columns, rows and margin with the picture."
+            "The viewer sees too little of the lattice to number its points. Compare its columns,"
+            " rows and margin with the picture."
         )
 
     right = right[is_known]
@@ -376,22 +376,22 @@ def _nearest_placement(
 
     if not turned:
         raise ImageError(
-            "No point is seen near its expected place, so that the points cannot"
-            " be told apart: name each point in a CSV file."
+            "No point is near its expected position, so the points cannot be numbered. Number them"
+            " in a CSV file."
         )
 
     least, *others = sorted(turned, key=turned.get)
     if others and turned[others[0]] - turned[least] < np.radians(4):
         raise ImageError(
-            "The photograph is turned by about 45 degrees, so left and upper cannot be told apart:"
-            " turn it."
+            "The photograph is rotated by about 45 degrees, so its upper side is ambiguous. Rotate"
+            " it."
         )
 
     order = [k for k in np.argsort(distance) if places[k][0] == least]
     if len(order) > 1 and not distance[order[1]] > 1.5 * distance[order[0]]:
         raise ImageError(
-            "Too few of the {columns} columns and {rows} rows are seen to number them: show"
-            " more of the lattice, or name each point in a CSV file.",
+            "Too few of the {columns} columns and {rows} rows are visible to number them. Show"
+            " more of the lattice, or number the points in a CSV file.",
             columns=lattice.columns,
             rows=lattice.rows,
         )

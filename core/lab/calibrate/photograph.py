@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.arrays import Bools, Floats, Ints
 from ...base.errors import ImageError
-from ...base.messages import Message
 from ...base.products import solve_symmetric
 from .drawn import Style
 from .match import SHAPES, is_lattice, largest
@@ -466,15 +465,9 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
             best = points[list(sites.values())]
 
     if not len(best):
-        marks = {
-            "dots": Message("dots"),
-            "grid": Message("crossing lines"),
-            "auto": Message("dots or crossing lines"),
-        }[style]
         raise ImageError(
-            "No lattice of bright {marks} was found in the photograph: take a sharp one"
-            " that shows more of the lattice.",
-            marks=marks,
+            "No lattice of bright dots or crossing lines was found. Take a sharp photograph of"
+            " more of the lattice."
         )
 
     return best
@@ -519,7 +512,7 @@ def _grey(image: ArrayLike) -> NDArray[np.float32]:
     image = np.asarray(image)
     if image.ndim not in (2, 3) or min(image.shape[:2]) < LEAST_SIDE_PX:
         raise ImageError(
-            "A photograph of {size} pixels is too small to find points in: take a larger one.",
+            "A photograph of {size} pixels is too small to find points in. Take a larger one.",
             size=" x ".join(map(str, image.shape)),
         )
 

@@ -78,7 +78,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     sphere = _Sphere(plan)
     if not sphere.distance > 0:
         raise RigError(
-            "The picture '{picture}' is behind the viewer: turn the viewer round.",
+            "The picture '{picture}' is behind the viewer. Turn the viewer around.",
             picture=picture.name,
         )
 

@@ -1,6 +1,4 @@
-"""The bench drawing: parts to scale, measured from a datum, their corners, and the lattice as
-seen.
-"""
+"""The bench drawing: parts to scale, their corners, and the lattice in the viewer's image."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,9 +17,8 @@ from ...rig.rig import WAVELENGTH, Mesh, Rig, Role, Viewer
 from ..calibrate.drawn import Lattice
 from .svg import GLASS, MARGIN, PART, PICTURE, SIGHT, TEXT, THIN, Paper, PaperSheet, decimal, spread
 
-CREASE = np.cos(
-    np.radians(30)
-)  # largest cosine between the normals of two facets for an edge between them
+# edges between facets with a larger cosine are not drawn
+CREASE = np.cos(np.radians(30))
 
 
 @dataclass(frozen=True, eq=False)
@@ -472,14 +469,14 @@ def _explained(viewer: Viewer, datum: Datum) -> tuple[str, ...]:
     forward, right, up = map(decimal, MM * eye)
     return (
         Message(
-            "Measured from the {datum} (+). Forward: level, as the viewer looks; right: the"
-            " viewer's. Sizes of glass: forward, right, up.",
+            "Measured from the {datum} (+). Forward is horizontal, in the viewer's direction of"
+            " view; right is the viewer's right. Sizes of glass are forward, right, up.",
             datum=datum.name,
         ),
         Message(
-            "Tilt: of the part against the horizontal. Azimuth: of its front, from forward to the"
-            " right. Viewer '{viewer}' (eye, dash-dotted line): forward {forward}, right {right},"
-            " up {up}.",
+            "Tilt is to the horizontal. Azimuth is of the part's front, from forward to the right."
+            " Viewer '{viewer}' (eye, dash-dotted line): forward {forward}, right {right}, up"
+            " {up}.",
             viewer=viewer.name,
             forward=forward,
             right=right,
@@ -517,7 +514,7 @@ def draw_seen(rig: Rig, viewer: Viewer, lattice: Lattice, paper: Paper = "A4") -
     bottom = sheet.table((MARGIN, MARGIN + SEEN_TITLE), CORNER_COLUMNS, rows, room)
     sheet.text(
         (MARGIN, bottom + 2 * TEXT),
-        Message("From the {datum}, as on the sheet of the bench.", datum=datum.name),
+        Message("Measured from the {datum}, as in the bench drawing.", datum=datum.name),
     )
 
     left = MARGIN + sum(CORNER_COLUMNS) + BETWEEN

@@ -38,8 +38,7 @@ def files_of(root: Path = ROOT) -> list[str]:
     missing = next((name for name in wheels if not (root / name).exists()), None)
     if missing is not None:
         raise ImageError(
-            "This Kiriko lacks its file '{name}', so that it cannot be packed for the farm: name"
-            " its zip.",
+            "The file '{name}' is missing, so Kiriko cannot be packed for the farm. Name its zip.",
             name=missing,
         )
 
@@ -60,17 +59,17 @@ def files_of(root: Path = ROOT) -> list[str]:
 def check_zip(path: Path) -> None:
     """Raise ImageError unless a file is a zip of this version; otherwise every task would fail."""
     if not path.is_file():
-        raise ImageError("There is no zip '{path}': name one that is there.", path=path)
+        raise ImageError("There is no zip '{path}'. Name an existing one.", path=path)
     about = _about(path)
     if about.get("id") != "kiriko":
         raise ImageError(
-            "The file '{path}' is no zip of Kiriko, or a broken one: name another.", path=path
+            "'{path}' is not a zip of Kiriko, or it is broken. Name another.", path=path
         )
 
     own = manifest()["version"]
     if about.get("version") != own:
         raise ImageError(
-            "The zip '{path}' has Kiriko {version}, and this is {own}: name the zip of {own}.",
+            "The zip '{path}' has Kiriko {version}, but this is {own}. Name the zip of {own}.",
             path=path,
             version=about.get("version"),
             own=own,

@@ -17,7 +17,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from ...base.errors import MALFORMED, ImageError, RigError
+from ...base.errors import MALFORMED, ImageError, RigError, out_of_range
 from ...base.messages import Message
 from ...files import disk, image_io
 from ...files.frame_list import frames_of, in_ranges
@@ -71,29 +71,26 @@ class Job:
     def check(self) -> None:
         """Raise RigError if no scheduler would accept the job, or no task could run."""
         if not (self.frames or self.rigs or self.viewers or self.values):
-            raise RigError("The job has one task only: give it frames, rigs or values.")
+            raise RigError("The job has only one task. Give it frames, rigs or values.")
         length = len(in_ranges(frames_of(self.frames))) if self.frames else 0
         if length > LONGEST_TEXT:
             raise RigError(
-                "The job's list of frames has {n} letters, and a parameter takes {most}: give"
-                " ranges, or make several jobs.",
+                "The job's list of frames has {n} characters, more than {most}. Use ranges, or"
+                " make several jobs.",
                 n=length,
                 most=LONGEST_TEXT,
             )
-        if self.values and not self.path:
-            raise RigError("The job has values of no property: name one by --vary.")
-        if self.path and not self.values:
+        if bool(self.values) != bool(self.path):
             raise RigError(
-                "The job has no values of the property '{path}': give some by --values.",
-                path=self.path,
+                "The job needs both a property and its values. Give --vary and --values together."
             )
         if self.chunk < 1:
-            raise RigError("A task of the job has no frames: set 1 or more for each.")
-        for what in (self.rigs, self.viewers, self.values):
-            if len(what) > MOST:
+            raise RigError("A task of the job has no frames. Set 1 or more per task.")
+        for choices in (self.rigs, self.viewers, self.values):
+            if len(choices) > MOST:
                 raise RigError(
-                    "The job has {n} values, and a task parameter takes {most}: make several jobs.",
-                    n=len(what),
+                    "The job has {n} values, more than {most}. Make several jobs.",
+                    n=len(choices),
                     most=MOST,
                 )
         given = (option.removeprefix("--name=") for option in self.options)
@@ -122,7 +119,7 @@ def refuse_braces(*texts: str) -> None:
     for text in texts:
         if "{{" in text:
             raise RigError(
-                "The name '{text}' has two braces, which a job reads as a parameter: rename it.",
+                "The name '{text}' has two braces, which mark a parameter in a job. Rename it.",
                 text=text,
             )
 
@@ -306,11 +303,7 @@ class AtlasJob:
     def check(self) -> None:
         """Raise RigError if no scheduler would accept the job."""
         if not 1 <= self.shares <= MOST:
-            raise RigError(
-                "{n} tasks cannot share the places of the head: set 1 to {most}.",
-                n=self.shares,
-                most=MOST,
-            )
+            raise out_of_range(Message("The atlas"), "Tasks", self.shares, 1, MOST)
         refuse_braces(self.name, self.blend)
 
     @property
@@ -349,7 +342,7 @@ class AtlasJob:
 LOG = "frames.jsonl"
 PARTS = "frames.*.jsonl"  # the tasks' logs
 LONGEST = 100  # characters of the frames in a log's name; file systems allow 255 in total
-TOLD = 5  # file names in a message
+NAMED = 5  # file names in a message
 
 
 def log_of(part: str) -> str:
@@ -376,13 +369,13 @@ def check(files: Iterable[Path]) -> Generator[float, None, tuple[int, int]]:
     missing = [path.name for path in files if not disk.is_there(path) or not path.stat().st_size]
     if missing:
         raise ImageError(
-            "{n} of {whole} images are missing in '{folder}' ({names}{more}): run their tasks"
+            "{n} of {whole} images are missing in '{folder}' ({names}{more}). Run their tasks"
             " again.",
             n=len(missing),
             whole=len(files),
             folder=files[0].parent,
-            names=", ".join(missing[:TOLD]),
-            more=" ..." if len(missing) > TOLD else "",
+            names=", ".join(missing[:NAMED]),
+            more=" ..." if len(missing) > NAMED else "",
         )
 
     size = None
@@ -393,8 +386,8 @@ def check(files: Iterable[Path]) -> Generator[float, None, tuple[int, int]]:
         size = size or (width, height)
         if (width, height) != size:
             raise ImageError(
-                "The image '{path}' has {width} x {height} pixels, and the first of its job has"
-                " {first} x {second}: remove it and run its task again.",
+                "The image '{path}' has {width} x {height} pixels, but the first of its job has"
+                " {first} x {second}. Remove it and run its task again.",
                 path=path,
                 width=width,
                 height=height,
@@ -438,7 +431,7 @@ def logged(folder: Path) -> list[dict[str, Any]]:
 def join_report(n: int, size: tuple[int, int], folder: Path) -> Message:
     """The result of the join as a message."""
     return Message(
-        "all {n} images in '{folder}' are whole, each of {width} x {height} pixels",
+        "all {n} images in '{folder}' are complete, with {width} x {height} pixels each",
         n=n,
         folder=folder,
         width=size[0],

@@ -171,7 +171,8 @@ def _spanned(rig: Rig) -> tuple[Viewer, HeadBox]:
     low[is_flat] = high[is_flat] = ((low + high) / 2)[is_flat]
     if is_flat.all():
         raise RigError(
-            "The viewers are at one place and span no box: add some elsewhere, by Two Eyes or Grid."
+            "The viewers are all at one position, so they span no box. Add others by Two Eyes or"
+            " Grid."
         )
     return own, HeadBox(tuple(low.tolist()), tuple(high.tolist()))
 

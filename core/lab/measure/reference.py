@@ -330,8 +330,8 @@ def make_reference(
     is_shown = (solution.display_coverage >= HALF) & (white.max(axis=2) >= WHOLE)
     if not is_shown.any():
         raise RigError(
-            "No pixel of the display '{display}' shows the picture alone, so that nothing"
-            " can be compared: raise its resolution.",
+            "No pixel of the display '{display}' shows only the picture, so there is nothing to"
+            " compare. Raise its resolution.",
             display=detailed.display.name,
         )
 

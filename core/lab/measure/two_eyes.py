@@ -38,6 +38,7 @@ from ...light.mesh_cache import MeshCache
 from ...rig.rig import Rig, Viewer
 from ...rig.settings import Settings
 from ...solve.solution import Solution, without_glass
+from ..atlas.heads import check_perspective
 from ..drawing.svg import FONT, document, text_at
 from .places_seen import Observer, grid_of, grid_on, places_seen
 from .viewer_errors import ARCMIN, N_POINTS, displaced
@@ -192,31 +193,21 @@ def pair_of(rig: Rig) -> tuple[Viewer, Viewer]:
     """
     if len(rig.viewers) != 2:
         raise RigError(
-            "Two eyes are two viewers, and the rig has {n}: choose a left and a right one.",
+            "Two eyes need two viewers, but the rig has {n}. Choose a left and a right one.",
             n=len(rig.viewers),
         )
     for viewer in rig.viewers:
-        if viewer.projection == "orthographic":
-            raise RigError(
-                "The viewer '{viewer}' is orthographic and is no eye: set it to Perspective.",
-                viewer=viewer.name,
-            )
+        check_perspective(viewer)
 
     one, other = rig.viewers
-    if one.axes[2] @ other.axes[2] < MOST_APART:
-        raise RigError(
-            "The viewers '{one}' and '{other}' look in different directions and are no pair of"
-            " eyes: turn both to the picture.",
-            one=one.name,
-            other=other.name,
-        )
-
-    side = (one.axes[0] + other.axes[0]) / np.linalg.norm(one.axes[0] + other.axes[0])
+    side = one.axes[0] + other.axes[0]
     apart = other.position - one.position
-    if not abs(apart @ side) > MOST_APART * np.linalg.norm(apart):
+    is_parallel = one.axes[2] @ other.axes[2] >= MOST_APART
+    is_level = abs(apart @ side) > MOST_APART * np.linalg.norm(apart) * np.linalg.norm(side)
+    if not (is_parallel and is_level):
         raise RigError(
-            "The viewers '{one}' and '{other}' do not stand side by side and are no pair of eyes:"
-            " move one to the right of the other.",
+            "The viewers '{one}' and '{other}' are not a pair of eyes. Place them side by side,"
+            " both facing the picture.",
             one=one.name,
             other=other.name,
         )

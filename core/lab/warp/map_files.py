@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ...base.arrays import Floats
-from ...base.errors import MALFORMED, ImageError, RigError
+from ...base.errors import MALFORMED, ImageError, RigError, out_of_range
 from ...base.free_memory import check_free
-from ...base.messages import Message
+from ...base.messages import Message, quoted
 from ...base.steps import hold_progress, subprogress
 from ...files import disk, image_io, png
 from ...rig.rig import PicturePlace, Rig
@@ -47,6 +47,7 @@ MOST_OVERSCAN = 100.0
 # m, red, green and blue: dominant wavelengths of the primaries of ITU-R BT.709 and sRGB
 PRIMARIES = (611e-9, 549e-9, 464e-9)
 BYTES = 600  # per point of a map at the memory peak, measured with ten candidates per point
+SMALLER = Message("set a smaller ffmpeg Size, or other formats")
 NOTHING = 65535  # marks an empty pixel in a .pgm: beyond every image, so ffmpeg fills it
 
 
@@ -76,35 +77,34 @@ class MapOptions:
     def check(self) -> None:
         """Raise RigError if the options are invalid."""
         if not self.formats:
-            raise RigError("No format is chosen for the maps: choose one or more.")
+            raise RigError("No map format is selected. Select one or more.")
         if not 0 <= self.overscan <= MOST_OVERSCAN:
-            raise RigError(
-                "Overscan is {overscan:g} %: set it from 0 to {most:g}.",
-                overscan=self.overscan,
-                most=MOST_OVERSCAN,
-            )
+            owner = Message("The map export")
+            raise out_of_range(owner, "Overscan", f"{self.overscan:g} %", 0, MOST_OVERSCAN)
         if self.times not in TIMES:
             raise RigError(
-                "The maps for ffmpeg cannot be {times} times as large as the display: set 1, 2"
-                " or 4.",
-                times=self.times,
+                "{name} is '{value}': set it to one of {choices}.",
+                name=Message("ffmpeg Size"),
+                value=self.times,
+                choices=quoted(map(str, TIMES)),
             )
         if not 1 <= self.mesh_step < np.inf:
             raise RigError(
-                "The mesh step is {step:g} display pixels: set 1 or more.", step=self.mesh_step
+                "The mesh step is {step:g} display pixels. Set 1 or more.", step=self.mesh_step
             )
 
     def check_for(self, place: PicturePlace) -> None:
         """Raise RigError if a picture is too large for a format."""
         if "FFMPEG" in self.formats and self.times * max(place.width, place.height) > NOTHING:
             raise RigError(
-                "The picture '{picture}' has {width} x {height} pixels, and the maps for ffmpeg,"
-                " {times} x, have room for {most}: set a smaller ffmpeg Size, or other formats.",
+                "The picture '{picture}' has {width} x {height} pixels, but maps for ffmpeg at"
+                " {times} x allow {most}: {remedy}.",
                 picture=place.name,
                 width=place.width,
                 height=place.height,
                 times=self.times,
                 most=NOTHING // self.times,
+                remedy=SMALLER,
             )
 
 
@@ -125,7 +125,7 @@ def check_memory(rig: Rig, options: MapOptions) -> None:
         height=display.height,
     )
     if "FFMPEG" in options.formats and options.times > 1:
-        remedy = Message("set a smaller ffmpeg Size, or other formats")
+        remedy = SMALLER
     needed = memory_needed((display.width, display.height), options)
     check_free(needed, Message("Exporting maps"), remedy)
 
@@ -358,20 +358,20 @@ SIDECAR = "maps.json"
 CONVENTION = (
     "s and t are 0 to 1 from the picture's left and lower edge; the middle of pixel i of W is at"
     " (i + 0.5) / W.",
-    "warp: for each display pixel, at its middle, the place in the picture that it shows, on the"
-    " path that most of the pixel is seen by. Where its middle is not seen, but another part is,"
-    " the place is the middle of the largest such part, and multiplicity is 0.",
-    "view: for each viewer pixel, at its middle, the place on the display that it sees.",
-    "EXR: R = s, G = t, B = coverage of the pixel, A = 1; B = 0 where nothing is shown: s and t are"
-    " -1 there, or beyond 0 to 1 where a place beside the picture is seen. multiplicity: at how"
-    " many places of the viewer's image the display's place is seen."
+    "warp: the position in the picture shown by the middle of each display pixel, on the path that"
+    " shows most of the pixel. If the middle is not seen but another part of the pixel is, the"
+    " position is the middle of the largest such part, and multiplicity is 0.",
+    "view: the position on the display seen by the middle of each viewer pixel.",
+    "EXR: R = s, G = t, B = coverage of the pixel, A = 1. If B = 0, the pixel shows nothing: s and"
+    " t are -1, or outside of 0 to 1 if the light comes from next to the picture. multiplicity:"
+    " number of positions in the viewer's image where the display's position is seen."
     " jacobian_xx, _xy, _yx, _yy: pixels of the other image per pixel, x right and y down; the"
     " second letter is the axis of this image.",
-    "x.pgm, y.pgm: column and row of the picture made so many times as large; 65535 is nothing.",
+    "x.pgm, y.pgm: column and row in the picture, enlarged by ffmpeg Size; 65535 is nothing.",
     "OBJ and .data: x from -aspect to aspect, y from -1 to 1 upwards over the display, with s and"
     " t. In .data the fifth number is the coverage, -1 where no cell is drawn.",
-    "NPZ: map_x and map_y in pixels of the picture, row 0 at the top, whole numbers at the middles"
-    " of pixels; -64 is nothing.",
+    "NPZ: map_x and map_y in pixels of the picture, row 0 at the top, integers at pixel middles;"
+    " -64 is nothing.",
     "PNG: R = s, G = t, B = coverage, each times 65535; B = 0 is nothing.",
 )
 
@@ -413,10 +413,10 @@ def earlier_files(folder: Path) -> set[str]:
     Only valid names of maps are returned, so no other file is ever removed.
     """
     try:
-        told = json.loads((folder / SIDECAR).read_text(encoding="utf-8"))
+        sidecar = json.loads((folder / SIDECAR).read_text(encoding="utf-8"))
         names = [
             (form, name)
-            for one in told["maps"]
+            for one in sidecar["maps"]
             for form, of_form in one["files"].items()
             for name in of_form
         ]
@@ -440,16 +440,16 @@ def remove_earlier(folder: Path, earlier: set[str], names: Iterable[str]) -> Non
     ------
     ImageError : a file cannot be removed
     """
-    kept = {name.casefold() for name in names}  # file systems may ignore case
+    written = {name.casefold() for name in names}  # file systems may ignore case
     for name in sorted(earlier):
         path = folder / name
-        if name.casefold() in kept or not path.is_file():
+        if name.casefold() in written or not path.is_file():
             continue
         try:
             path.unlink()
         except OSError as reason:
             raise ImageError(
-                "The file '{path}' of earlier maps cannot be removed ({why}): remove it yourself.",
+                "The old file '{path}' cannot be removed ({why}). Remove it yourself.",
                 path=path,
                 why=reason.strerror,
             ) from None
