@@ -1,4 +1,4 @@
-"""Kiriko's operators: the verbs of a subject in one file."""
+"""Kiriko's operators, one file for each subject."""
 
 import bpy
 
@@ -115,13 +115,13 @@ CLASSES = (
     calibrate.KIRIKO_OT_apply_calibration,
     calibrate.KIRIKO_OT_remove_calibration,
 )
-# tooltips with values, which Blender looks up as a whole
+# tooltips with values, which Blender translates as a whole
 TIPS = tuple({**preset.PLATE_TIPS, **preset.DISPLAY_TIPS, **preset.GLASS_TIPS}.values())
 _commands: list[object] = []
 
 
 def register() -> None:
-    """Make the operators and the command known to Blender."""
+    """Register the operators and the command with Blender."""
     for cls in CLASSES:
         bpy.utils.register_class(in_own_words(cls))
     live.register()
@@ -140,7 +140,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them back, end all that is running, and empty the session."""
+    """Unregister them, end all running work, and empty the session."""
     sketcher.unregister()
     proposal.unregister()
     look_over.unregister()

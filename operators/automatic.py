@@ -1,6 +1,4 @@
-"""Lengths of operators that are automatic while they are 0: a checkbox stands before each, and the
-length that is taken beside it, so that no field reads 0 m.
-"""
+"""Operator lengths that are automatic at 0: each has a checkbox and shows the automatic length."""
 
 import bpy
 
@@ -8,13 +6,14 @@ from ..core.base.messages import as_message
 from ..core.blender.data.units import length_of_unit, length_text
 from .telling import in_words
 
-LEAST = 0.01  # Blender units: a length that nothing is known of
-Taken = dict[str, float]  # Blender units: automatic lengths that were taken last, by property
+LEAST = 0.01  # Blender units: initial value of an unknown length
+Taken = dict[str, float]  # Blender units: last automatic lengths, by property
 
 
 def length(name: str, description: str) -> bpy.props.FloatProperty:
-    """A length that is automatic while it is 0: that of one rig, so that none is kept for the next.
-    A drag ends before 0, where the field would go.
+    """A length that is automatic at 0; it is not remembered for the next rig.
+
+    Dragging stops before 0.
     """
     return bpy.props.FloatProperty(
         name=name,
@@ -33,9 +32,9 @@ def checkbox(
     taken: Taken,
     description: str = "As the glass and the picture's light ask for",
 ) -> bpy.props.BoolProperty:
-    """The checkbox of a length, named `auto_` and the length's name.
+    """Checkbox of a length, named `auto_` plus the length's name.
 
-    Without it the length begins with the one that was taken last.
+    Turning it off starts at the last automatic length.
     """
 
     def set_automatic(ours: bpy.types.OperatorProperties, is_on: bool) -> None:
@@ -57,7 +56,7 @@ def draw(
     name: str,
     taken: Taken,
 ) -> None:
-    """A length with its checkbox, and the length taken while that is on."""
+    """Draw a length with its checkbox, or the automatic length."""
     heading = in_words(as_message(operator.rna_type.properties[name].name))
     row = layout.row(heading=heading, translate=False)
     row.prop(operator, f"auto_{name}", text="Automatic")

@@ -1,4 +1,4 @@
-"""Bench drawing: the bench to scale, for whoever builds it."""
+"""Bench drawing: the bench to scale, for building it."""
 
 from pathlib import Path
 
@@ -21,13 +21,13 @@ PAPERS = (
 
 
 def seen_name(name: str) -> str:
-    """The name of the second sheet, beside the first one's."""
+    """Name of the second sheet, next to the first."""
     return f"{Path(name).stem}_seen.svg"
 
 
 def drawings(rig: Rig, lattice: Lattice, paper: str, name: str = NAME) -> dict[str, str]:
-    """The sheets of a bench by their files' names. Without a flat
-    picture there is only one, for the lattice has no place.
+    """Sheets of a bench by file name; only one without a flat picture, since the lattice has no
+    place.
     """
     sheets = {name: draw_bench(rig, rig.viewer, paper)}
     place = rig.picture_place
@@ -37,14 +37,14 @@ def drawings(rig: Rig, lattice: Lattice, paper: str, name: str = NAME) -> dict[s
 
 
 def write(place: Path, sheets: dict[str, str]) -> None:
-    """Write sheets to a folder, all of them or none."""
+    """Write sheets to a folder, all or none."""
     with disk.together(place) as new:
         for name, svg in sheets.items():
             (new / name).write_text(svg, encoding="utf-8")
 
 
 def lattice_of(scene: bpy.types.Scene) -> Lattice:
-    """The lattice that a scene is calibrated by."""
+    """The lattice a scene is calibrated with."""
     ours = scene.kiriko.calibration
     return Lattice(ours.columns, ours.rows, ours.margin)
 
@@ -77,7 +77,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
             rig.check()
             sheets = drawings(rig, lattice_of(context.scene), self.paper, path.name)
 
-            # the dialogue asked about the first name, which the second one goes with
+            # The dialogue asked about the first name; the second one follows it.
             is_agreed = self.is_in_dialogue and disk.is_there(path)
             if not (self.overwrite or is_agreed or context.scene.kiriko.export_overwrite):
                 folder.refuse_existing(path.parent, sheets, Message("set Overwrite"))

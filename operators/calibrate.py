@@ -1,4 +1,6 @@
-"""Calibrate a real bench: draw the lattice, find the errors by its points, keep or remove them."""
+"""Calibration of a real bench: draw the lattice, find errors from its points, apply or remove
+them.
+"""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -33,8 +35,10 @@ from ..core.rig.rig import Rig
 from . import long_work, look_over, needed, telling, watch, work
 from .export import use_bundled_modules
 
-TELLS = 0.7  # of its tolerance: below this a photograph tells of an amount
-TEXTS = {".csv", ".txt", ".tsv"}  # endings of files of positions; all others are images
+TELLS = (
+    0.7  # of its tolerance: an amount with a smaller standard error is determined by the photograph
+)
+TEXTS = {".csv", ".txt", ".tsv"}  # suffixes of position files; any other file is an image
 
 
 class KIRIKO_OT_calibrate(long_work.LongWork, bpy.types.Operator):
@@ -71,9 +75,9 @@ class KIRIKO_OT_calibrate(long_work.LongWork, bpy.types.Operator):
 
 
 def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generator[float, None, str]:
-    """Fit, solve again, and keep the result as set.
+    """Fit, solve again, and store the result; returns the report.
 
-    Returns the report. The last step changes the scene.
+    The last step changes the scene.
     """
     scene = context.scene
     ours = context.scene.kiriko.calibration
@@ -88,7 +92,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
 
     offset = Offset.read(ours.offset).sets
     if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
-        # the same file once more, as with other tolerances: in place of the offset of before
+        # The same file again, perhaps with other tolerances, replaces its earlier offset.
         offset.pop()
 
     first = seats_of(scene)[0].camera
@@ -150,7 +154,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
 
 
 def tolerances_of(ours: bpy.types.PropertyGroup) -> dict[str, float]:
-    """Likely errors by the settings, by the parameters' kind and in their units."""
+    """Expected errors from the settings, by kind of parameter, in the parameters' units."""
     angles = {kind: float(np.degrees(getattr(ours, kind))) for kind in ("turn", "crossing")}
     return {
         **{kind: getattr(ours, kind) for kind in ("shift", "index", "mirror", "focal")},
@@ -161,10 +165,11 @@ def tolerances_of(ours: bpy.types.PropertyGroup) -> dict[str, float]:
 def measured_points(
     path: Path, lattice: Lattice, expected: Floats, rig: Rig, size: tuple[int, int]
 ) -> tuple[Floats, float]:
-    """Points of the lattice (m, 2) in viewer px, NaN where not
-    measured; and viewer px in a pixel they are given in.
+    """Points of the lattice (m, 2) in viewer px, NaN if not measured; and viewer px per pixel
+    given.
 
-    path : of a photograph, or of a CSV of positions in an image of a size; (0, 0): in the viewer's
+    path : of a photograph, or of a CSV of positions in an image of a given size; (0, 0) for the
+        viewer's
     expected : (m, 2) viewer px, NaN for points that the display does not show
     """
     viewer_size = np.array([rig.viewer.width, rig.viewer.height], float)
@@ -194,8 +199,8 @@ def measured_points(
 
 
 def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
-    """Viewer px (2,) in a pixel of an image; ImageError where
-    their shapes differ by more than rounding.
+    """Viewer px (2,) per pixel of an image; ImageError if their shapes differ by more than
+    rounding.
     """
     scale = viewer_size / size
     if abs(size[0] * viewer_size[1] - size[1] * viewer_size[0]) > max(
@@ -215,7 +220,7 @@ def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
 
 
 def fit_report(found: BenchFit) -> str:
-    """A fit in a sentence."""
+    """A fit in one sentence."""
     n = int(found.left_out.sum())
     odd = Message("; {n} outlier{s} left out", n=n, s="s" if n == 1 else "") if n else ""
     return Message(
@@ -232,7 +237,7 @@ def fit_report(found: BenchFit) -> str:
 def as_data(
     bench: Bench, found: BenchFit, tolerances: Floats, extras: list[Extra]
 ) -> dict[str, Any]:
-    """All of a fit as plain data, for the panel and for JSON."""
+    """A fit as plain data, for the panel and for JSON."""
     names = [parameter.name for parameter in bench.parameters]
     alike, still = found.groups()
     rows = zip(bench.parameters, found.amounts, found.errors, tolerances, strict=True)
@@ -270,7 +275,7 @@ def as_data(
 
 
 def _number(x: float) -> float | None:
-    """A number that JSON can hold."""
+    """The number if JSON can hold it."""
     return float(x) if np.isfinite(x) else None
 
 
@@ -279,7 +284,7 @@ SIDE = 2048  # px
 
 
 def _pixels(context: bpy.types.Context, picture: bpy.types.Object) -> tuple[int, int]:
-    """Pixels of a lattice that has the shape of its plane, so that its dots are round."""
+    """Size, px, of a lattice image in the shape of its plane, so that dots are round."""
     try:
         width, height = plane_size(context, picture)
     except RigError:
@@ -334,7 +339,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
 
 
 def without_offset(scene: bpy.types.Scene) -> list[str]:
-    """The reason why nothing can be done with an offset, where there is none."""
+    """Reason to refuse if there is no calibration to apply."""
     return [] if scene.kiriko.calibration.offset else [Message("There is no calibration to apply")]
 
 
@@ -360,7 +365,7 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
 
             with put_into_scene(context.scene, reading, lambda: work.read(context)):
                 result = context.scene.kiriko.result
-                # it is the same rig as before, written another way
+                # the rig is the same as before, in other numbers
                 if result.solved_for and is_current:
                     result.solved_for = work.scene_now(context).as_text()
 

@@ -1,7 +1,6 @@
-"""Choose rig: of several rigs in a scene one is active. It follows the selection, or is chosen.
+"""Active rig of a scene: it follows the selection, or is chosen by name.
 
-A timer of the application looks which object is active: neither a draw nor a handler within an
-undo step may write.
+An application timer watches the active object, since neither drawing nor undo handlers may write.
 """
 
 from collections.abc import Iterator
@@ -16,21 +15,21 @@ from . import live, look_over, look_through, needed, proposal, sketcher, telling
 from .viewer_reports import ALL
 from .windows import all_windows, redraw
 
-TICK = 0.1  # s between two looks at the active object
-PATIENCE = 10.0  # s after an error that was not foreseen
-# by session uid of the scene, that of the object whose rig was looked up last
+TICK = 0.1  # s between checks of the active object
+PATIENCE = 10.0  # s of rest after an unexpected error
+# by session uid of the scene: session uid of the object whose rig was last looked up
 _followed: dict[int, int] = {}
 
 
 def is_new(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bool:
-    """Is an object another than the one whose rig was looked up last?"""
+    """Whether an object differs from the one last looked up."""
     return thing is not None and thing.session_uid != _followed.get(scene.session_uid)
 
 
 def follow(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
-    """The rig that is to be active because another object is; None where it is already.
+    """The rig to activate for a newly active object; None if it is active already.
 
-    The object is noted, so that a rig which was chosen by hand stays until another one is selected.
+    The object is remembered, so that a rig chosen by hand stays until another object is selected.
     """
     if not is_new(scene, thing):
         return None
@@ -41,7 +40,7 @@ def follow(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.
 
 
 def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
-    """Have a rig of the scene be the active one; Live goes on with it."""
+    """Make a rig of the scene active; Live goes on with it."""
     live.settle(scene)
     proposal.drop()
     scene.kiriko_scene.rig = rig
@@ -51,20 +50,20 @@ def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
 
 
 def tick() -> float:
-    """Called by the timer."""
+    """Timer callback."""
     try:
         follow_selection()
     except Exception as error:
-        telling.sentence(error, "The choice of the rig")  # prints errors that were not foreseen
+        telling.sentence(error, "The choice of the rig")  # prints unexpected errors
         return PATIENCE
     return TICK
 
 
 def follow_selection() -> None:
-    """Have the rig of the active object be active, in each scene that is shown.
+    """Activate the rig of the active object in each visible scene.
 
-    Where windows show a scene in several view layers, the first one counts. A rig that is looked
-    through stays, by whichever of its viewers is chosen, and so does the one that is at work.
+    If windows show a scene in several view layers, the first one counts. A rig that is looked
+    through stays active, with any of its viewers, and so does the one being worked on.
     """
     if work.is_busy():
         return
@@ -126,7 +125,7 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.errors_reported(self):
             rig = active_rig(context.scene)
-            context.view_layer.update()  # their places tell which belong together
+            context.view_layer.update()  # grouped by their places
             things = meant_copies(context.scene, rig, context.selected_objects)
             name = part_copies(rig, things)
             choose_by_name(context, name)
@@ -137,9 +136,8 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
 
 
 def choose_by_name(context: bpy.types.Context, name: str) -> None:
-    """Choose a rig by its collection's name, until another object is selected.
-
-    Raises RigError where there is none of that name.
+    """Choose a rig by its collection's name, until another object is selected; RigError if not
+    found.
     """
     scene = context.scene
     found = {rig.name: rig for rig in rigs(scene)}
@@ -157,20 +155,22 @@ def choose_by_name(context: bpy.types.Context, name: str) -> None:
 
 
 class EndsWithRig:
-    """Mix-in for an operator that ends later than it begins, by a dialogue or a render, with the
-    scene and the rig with which it began: meanwhile another one may have become active.
+    """Mix-in for an operator that ends later, by a dialogue or a render: it keeps its scene and
+    rig.
+
+    Another rig may have become active in between.
     """
 
     _began_with: tuple[int, int] | None = None  # session uids of the scene and its rig
 
     def begin_with(self, scene: bpy.types.Scene) -> None:
-        """Note the scene and its active rig."""
+        """Remember the scene and its active rig."""
         self._began_with = scene.session_uid, rig_uid(scene)
 
     def end_with(self, context: bpy.types.Context | None = None) -> None:
-        """Have that rig be the active one again; nothing where the operator only ran through.
+        """Make the remembered rig active again; does nothing for an operator that ran in one go.
 
-        context : which has to show that scene; None: any
+        context : must show the remembered scene; None for any
 
         Raises
         ------
@@ -196,7 +196,7 @@ class EndsWithRig:
         )
 
     def own_scene(self) -> bpy.types.Scene:
-        """The scene with which it began; RigError where that is gone."""
+        """The remembered scene; RigError if it is gone."""
         uid = self._began_with[0]
         scene = next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
         if scene is None:
@@ -205,8 +205,9 @@ class EndsWithRig:
 
 
 def find_scene(context: bpy.types.Context, rig: str | None) -> Iterator[str]:
-    """Show another scene where the file was saved with one that has no rig, or none of this name,
-    and one other has it; yields a line on it. RigError where several have one.
+    """Switch to the only scene with the wanted rig if the saved one has none; yields a line on it.
+
+    RigError if several scenes have one.
     """
 
     def has_it(scene: bpy.types.Scene) -> bool:
@@ -229,10 +230,10 @@ def find_scene(context: bpy.types.Context, rig: str | None) -> Iterator[str]:
 
 
 def register() -> None:
-    """Begin to look."""
+    """Start the timer."""
     work.follow(tick, TICK, ())
 
 
 def unregister() -> None:
-    """Look no more."""
+    """Stop the timer."""
     work.stop_following(tick, ())

@@ -1,4 +1,4 @@
-"""The settings of a scene by which its result may be another, read cheaply."""
+"""Snapshot of all settings that can change a scene's result, read cheaply."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,21 +11,21 @@ from ..core.blender.data.moving import stamp_of
 from ..core.blender.read.elements import tone_of
 from . import needed, work
 
-POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again
+POLLING = 50.0  # pause between reads, relative to the time of a read
 
 
 @dataclass(eq=False)
 class Polled:
-    """Settings of a scene that are looked at again and again, for Blender does not tell of them.
+    """Settings of a scene that are polled, because Blender does not report changes by script.
 
-    due : when the next look is, s of `monotonic`
+    due : time of the next read, s of `monotonic`
     """
 
     seen: tuple[object, ...] = ()
     due: float = 0.0
 
     def have_changed(self, read: Callable[[], tuple[object, ...]]) -> bool:
-        """Are they others than at the last look? Where that took long they are not read yet."""
+        """Whether they changed since the last read; not read while a slow read rests."""
         if monotonic() < self.due:
             return False
         started = thread_time()
@@ -35,9 +35,7 @@ class Polled:
 
 
 def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
-    """All that Kiriko's own settings say, cheaply: Blender
-    does not tell when a script changes them.
-    """
+    """Values of all of Kiriko's settings."""
     ours = scene.kiriko
     seats = seats_of(scene)
     objects = [
@@ -75,13 +73,13 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
 
 
 def file_now(image: bpy.types.Image | None) -> tuple[object, ...]:
-    """An image, and of a movie its file as it is now."""
+    """An image, and for a movie its file's present state."""
     is_movie = image is not None and image.source == "MOVIE"
     return uid(image), stamp_of(image, 1) if is_movie else None
 
 
 def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
-    """The mirrors of a plate by its object's settings, where it has any."""
+    """Mirrors of a plate from its object's settings, if any."""
     if ours.role != "PLATE" or ours.plate.model == "IDEAL":
         return ()
     p = ours.plate
@@ -89,7 +87,5 @@ def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
 
 
 def uid(block: bpy.types.ID | None) -> int:
-    """The number that a datablock keeps through undo, when its place in memory changes;
-    0 for none.
-    """
+    """Session uid of a datablock, which undo keeps though memory moves; 0 for none."""
     return 0 if block is None else block.session_uid

@@ -1,7 +1,7 @@
-"""Comparisons that are shown: before and after, by scene, and where they stand in the camera view.
+"""Comparisons of before and after, by scene, and their place in the camera view.
 
-They are kept beside Blender's data, for neither file nor undo has to know of them. What a view
-showed before is kept with it.
+They are stored outside Blender's data, since neither file nor undo needs them, together with what
+each view showed before.
 """
 
 from collections.abc import Generator
@@ -26,10 +26,10 @@ from .windows import camera_of, view_of
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A comparison, and the camera whose view it is.
+    """A comparison, and the camera of its view.
 
-    corners : upper left, upper right, lower right and lower left of the viewer's
-        image, in the camera's own space
+    corners : upper left, upper right, lower right and lower left of the viewer's image, in the
+        camera's space
     """
 
     comparison: Comparison
@@ -42,7 +42,7 @@ _found: dict[int, Compared] = {}  # by session uid of the scene
 
 
 def is_shown(scene: bpy.types.Scene) -> bool:
-    """Is a scene's comparison wanted in the camera view?"""
+    """Whether a scene's comparison is shown in the camera view."""
     return bpy.context.window_manager.kiriko.show_comparison and scene.session_uid in _found
 
 
@@ -54,10 +54,10 @@ def found(scene: bpy.types.Scene) -> Compared | None:
 def comparing(
     scene: bpy.types.Scene, rig: Rig, solution: Solution, settings: Settings
 ) -> Generator[float, None, Compared]:
-    """Compare a solution, and keep it for the scene; yields progress 0..1."""
+    """Compare a solution, and store it for the scene; yields progress 0..1."""
     if not _comparer:
         _comparer.append(Comparer())
-    # Blender's data may be gone after a pause
+    # Blender's data may be gone after a pause.
     of_scene = scene.session_uid
     camera = viewer_of(scene)
     of_camera, corners = camera.session_uid, _corners(rig.viewer, camera, scene)
@@ -80,8 +80,9 @@ def _corners(
 
 
 def frame_in_region(context: bpy.types.Context, scene: bpy.types.Scene) -> np.ndarray | None:
-    """Where the viewer's image lies in a 3D view (4, 2), px of its region: upper left, upper
-    right, lower right, lower left. None where the view is not the viewer's.
+    """Corners (4, 2), region px, of the viewer's image in a 3D view; None in any other view.
+
+    The order is upper left, upper right, lower right, lower left.
     """
     made = _found.get(scene.session_uid)
     space, view = context.space_data, context.region_data
@@ -99,8 +100,8 @@ def frame_in_region(context: bpy.types.Context, scene: bpy.types.Scene) -> np.nd
 
 
 def enter_view(context: bpy.types.Context) -> None:
-    """Have the 3D view that is worked in show the whole image of the viewer's camera; one that
-    looks through the viewer does.
+    """Turn the active 3D view to the viewer's camera and fit its image, unless a view shows it
+    already.
     """
     area = view_of(context)
     camera = viewer_of(context.scene)
@@ -114,15 +115,15 @@ def enter_view(context: bpy.types.Context) -> None:
 
 
 def leave() -> None:
-    """Show no comparison any more; views that were turned to the camera are as before."""
+    """Hide the comparison; views that were turned to the camera are restored."""
     bpy.context.window_manager.kiriko.show_comparison = False
     put_views_back()
 
 
 def put_views_back() -> None:
-    """Have views show again what they showed before a comparison that is shown no more.
+    """Restore views after a comparison ends.
 
-    One that looks through the viewer by now has the camera until that is left, too.
+    A view that looks through the viewer by now keeps the camera until that ends too.
     """
     if bpy.context.window_manager.kiriko.show_comparison:
         return
@@ -130,7 +131,7 @@ def put_views_back() -> None:
 
 
 def _looking() -> list[bpy.types.SpaceView3D]:
-    """The views that look through a viewer."""
+    """Views that look through a viewer."""
     scenes = [scene for scene in bpy.data.scenes if scene.kiriko_scene.looking]
     return [space for scene in scenes for space, _ in looking_through.views(scene)]
 
@@ -143,8 +144,9 @@ def forget() -> None:
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file, whose scenes were not compared; one that
-    was saved by force, as by auto-save, may have turned views.
+    """Handle another file: its scenes are not compared.
+
+    A file saved by force, such as by auto-save, may have turned views.
     """
     forget()
     leave()
@@ -154,12 +156,12 @@ HANDLERS = (("load_post", on_load),)
 
 
 def register() -> None:
-    """Begin to listen for other files."""
+    """Start listening for file loads."""
     work.listen(HANDLERS)
 
 
 def unregister() -> None:
-    """Put views back, and listen no more."""
+    """Restore views and stop listening."""
     leave()
     work.stop_listening(HANDLERS)
     forget()

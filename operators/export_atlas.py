@@ -1,7 +1,7 @@
-"""Export an atlas: warp maps for a head that moves.
+"""Export of an atlas: warp maps for a head that moves.
 
-Its dialogue estimates the size beforehand, from what is known before any light is traced, since it
-is drawn again with each move of the mouse.
+The dialogue estimates the size before any light is traced, since it is redrawn with each mouse
+move.
 """
 
 import argparse
@@ -39,12 +39,12 @@ from .telling import report
 from .to_file import IntoFolder
 from .wrapping import sentence
 
-BYTES = 16  # a display pixel of a map, before its file makes it smaller: st, coverage, path
-SECONDS = 9e-6  # a display pixel of a map, through a ball, once the rig is solved
+BYTES = 16  # bytes per display pixel of a map before compression: st, coverage, path
+SECONDS = 9e-6  # s per display pixel of a map, through a ball of a solved rig
 
 
 def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) -> list[Message]:
-    """Sentences on the coarsest atlas of a box of heads; nothing where the rig has no display."""
+    """Estimates for the coarsest atlas of a box of heads; none without a display."""
     try:
         box.check()
     except KirikoError as error:
@@ -66,9 +66,9 @@ def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) 
         told.append(Message("Solve again to see the time each needs."))
         return told
 
-    # an atlas is of one of the viewers
+    # an atlas is for one viewer
     each = details["total_seconds"] / max(len(seats_of(scene)), 1) + n_pixels * SECONDS
-    # the middle, and a place to each side of it along an axis, are traced to plan
+    # Planning traces the centre, and one place to each side of it along an axis.
     n_made = n + 1 + 2 * len(box.axes) + CHECKED
     told.append(
         Message(
@@ -82,13 +82,13 @@ def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) 
 
 TOLERANCE = 1.0  # px of the picture
 MOST = 500  # places of the head
-PLANNED = 0.2  # progress, about
+PLANNED = 0.2  # progress, approximate
 MM = 1e-3  # m
-ASIDE = 0.03  # m to each side, at first: from eye to eye
+ASIDE = 0.03  # m to each side, initially: half the eye distance each way
 
 
 def making_of(context: bpy.types.Context, target: Path, has_images: bool) -> Making:
-    """All that an atlas of the scene's rig is made of."""
+    """Everything an atlas of the scene's rig is made from."""
     use_bundled_modules()
     scene = context.scene
     reading = work.read(context)
@@ -115,7 +115,7 @@ def _save_image(
 
 
 def atlas_report(atlas: Atlas, target: Path) -> Message:
-    """The sentence at the end of an atlas that was checked."""
+    """Report of a checked atlas."""
     found = atlas.checked
     return Message(
         "Wrote {n} maps to '{folder}'. Between them the error is {off:.2g} px at most; {share} of"
@@ -205,7 +205,7 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
 
 
 def _places(text: str) -> range:
-    """Numbers from 0 of "3" or "3-7", which count from 1."""
+    """Numbers from 0, of "3" or "3-7", which count from 1."""
     first, _, last = text.partition("-")
     with suppress(ValueError):
         found = range(int(first) - 1, int(last or first))
@@ -224,9 +224,9 @@ def _share(text: str) -> tuple[int, int]:
 
 
 def options_of(box: HeadBox, tolerance: float, most: int, has_images: bool) -> tuple[str, ...]:
-    """The options of the command line that ask for an atlas."""
+    """Command line options that request an atlas."""
 
-    def number(x: float) -> str:  # without an exponent, which would be read as an option
+    def number(x: float) -> str:  # no exponent, which would look like an option
         return np.format_float_positional(x, trim="-")
 
     edges = zip(AXES, box.low, box.high, strict=True)
@@ -274,7 +274,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
 
 
 def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
-    """Make places of an atlas that was planned."""
+    """Make places of a planned atlas."""
     atlas = atlas_plan.planned_before(making)
     numbers = arguments.places
     if arguments.share is not None:
@@ -284,7 +284,7 @@ def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, 
 
 
 def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
-    """Check an atlas whose places were made, and halve its grid where that is asked for."""
+    """Check an atlas whose places are made, and halve its grid on request."""
     atlas = atlas_plan.planned_before(making)
     if arguments.halve:
         steps = atlases.halved(making, atlas, arguments.most)
@@ -300,13 +300,13 @@ def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None
 
 
 def _check_job(making: Making, box: HeadBox, tolerance: float, most: int) -> None:
-    """Raise the error with which a job's tasks would end, as far as a look tells it."""
+    """Raise the error that a job's tasks would end with, as far as it is known in advance."""
     check(making.rig, making.viewer, box, tolerance, most)
     check_heads(making.rig, making.viewer, making.settings, box, most)
 
 
 def _write_job(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
-    """Write a job whose tasks make an atlas, unless these would refuse it."""
+    """Write a job whose tasks make an atlas, unless they would refuse it."""
     box = _box(arguments)
     _check_job(making, box, arguments.tolerance, arguments.most)
     options = options_of(box, arguments.tolerance, arguments.most, arguments.images)

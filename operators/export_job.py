@@ -1,4 +1,4 @@
-"""Export Job: a folder that schedulers of a farm take, with all that its tasks need."""
+"""Export of a job: a folder for a farm's scheduler, with everything its tasks need."""
 
 import json
 import shutil
@@ -38,16 +38,15 @@ from . import folder, needed, telling, work
 from .set_value import having
 from .viewer_reports import ALL, asked_for, choose_alone, naming_rig, naming_viewer
 
-MOST = 64  # frames of a job that are looked at, where the rig is whole at none before
+MOST = 64  # frames of a job to try until one has a complete rig
 
 
 def check_rigs(context: bpy.types.Context, job: Job) -> None:
-    """Raise the error with which all tasks of a rig, or of a viewer, would end: that of Solve.
+    """Raise the error that all tasks of a rig or viewer would end with, as Solve words it.
 
-    A rig that is whole at one frame at least, or with one of the values, is good enough. Nothing of
-    the scene is changed in the end.
+    One frame, or one value, with a complete rig is enough. The scene is left unchanged.
     """
-    kept = MeshCache()  # glass is made ready once for all viewers
+    kept = MeshCache()  # glass is prepared once for all viewers
     for rig in [one.value for one in job.rigs] or [None]:
         with naming_rig(rig), _chosen(context.scene, rig):
             for viewer in [one.value for one in job.viewers] or [None]:
@@ -56,7 +55,7 @@ def check_rigs(context: bpy.types.Context, job: Job) -> None:
 
 
 def _check_one(context: bpy.types.Context, job: Job, kept: MeshCache) -> None:
-    """Raise the first of the errors, where each of the job's tasks for a rig has one."""
+    """Raise the first error if each of the job's tasks for a rig has one."""
     first = None
     for value in [one.value for one in job.values] or [None]:
         with ExitStack() as stack:
@@ -79,7 +78,7 @@ def _check_one(context: bpy.types.Context, job: Job, kept: MeshCache) -> None:
 
 
 def _frames(scene: bpy.types.Scene, job: Job) -> list[int]:
-    """Those that are looked at: the one that the scene shows first, which costs least."""
+    """Frames to try; the current one comes first, since it costs least."""
     if not job.frames:
         return [scene.frame_current]
     frames = frames_of(job.frames)
@@ -90,7 +89,7 @@ def _frames(scene: bpy.types.Scene, job: Job) -> list[int]:
 
 @contextmanager
 def _chosen(scene: bpy.types.Scene, name: str | None) -> Iterator[None]:
-    """Have a rig of the scene be the active one for a while."""
+    """Make a rig of the scene active for a while."""
     own = active_rig(scene)
     scene.kiriko_scene.rig = next((one for one in rigs(scene) if one.name == name), own)
     try:
@@ -101,7 +100,7 @@ def _chosen(scene: bpy.types.Scene, name: str | None) -> Iterator[None]:
 
 @contextmanager
 def _alone(scene: bpy.types.Scene, name: str | None) -> Iterator[None]:
-    """Have all other viewers be off for a while."""
+    """Turn all other viewers off for a while."""
     ours = scene.kiriko
     before = [one.is_on for one in ours.viewers], ours.viewer_shown
     try:
@@ -119,33 +118,33 @@ def _alone(scene: bpy.types.Scene, name: str | None) -> Iterator[None]:
 TEMPLATE = "template.json"
 VALUES = "parameter_values.json"
 ASSETS = "asset_references.json"
-CHUNK = 10  # frames for a task
-UNNAMED = "rig.blend"  # of a file that was never saved
-SCRIPTS = extension.ROOT / "farm"  # those that run elsewhere
+CHUNK = 10  # frames per task
+UNNAMED = "rig.blend"  # name for an unsaved file
+SCRIPTS = extension.ROOT / "farm"  # scripts that run on the farm
 
 
 def job_of(frames: str, chunk: int) -> Job:
-    """A job of the open file and the rig that it shows."""
+    """A job of the open file and its active rig."""
     return Job(*_of_file(), frames=frames, chunk=chunk)
 
 
 def atlas_job(options: tuple[str, ...], shares: int, overwrite: bool = False) -> AtlasJob:
-    """A job for an atlas of the rig that the open file shows.
+    """A job for an atlas of the open file's active rig.
 
     options : of the verb atlas
-    overwrite : may its plan replace the atlas of another rig or box?
+    overwrite : whether its plan may replace the atlas of another rig or box
     """
     return AtlasJob(*_of_file(), options, shares, overwrite)
 
 
 def _of_file() -> tuple[str, str, str]:
-    """A job's name, the name of its file, and Kiriko's version."""
+    """A job's name, its file's name, and Kiriko's version."""
     name = Path(bpy.data.filepath).name or UNNAMED
     return f"Kiriko {Path(name).stem}", name, extension.manifest()["version"]
 
 
 def choices(values: list[str]) -> tuple[TaskChoice, ...]:
-    """Values with a folder for each."""
+    """Values, each with a folder."""
     return tuple(map(TaskChoice, values, folder.names_for(values)))
 
 
@@ -155,12 +154,12 @@ def all_rigs(context: bpy.types.Context) -> tuple[TaskChoice, ...]:
 
 
 def viewers_of_all(remedy: str) -> RigError:
-    """The error that viewers of all rigs are asked for; `remedy` ends its sentence."""
+    """Error for viewers of several rigs; `remedy` ends its sentence."""
     return RigError("A job for each viewer needs a single rig: {remedy}.", remedy=remedy)
 
 
 def frames_of_scene(scene: bpy.types.Scene) -> str:
-    """The scene's frames, as a list of them in text."""
+    """The scene's frames as a frame list in text."""
     step = f":{scene.frame_step}" if scene.frame_step > 1 else ""
     return f"{scene.frame_start}-{scene.frame_end}{step}"
 
@@ -168,11 +167,10 @@ def frames_of_scene(scene: bpy.types.Scene) -> str:
 def write(
     target: Path, job: Job | AtlasJob, zips: list[Path], overwrite: bool, remedy: str
 ) -> list[str]:
-    """Write the bundle of a job to a folder that is there, whole or not at all; the names of its
-    files.
+    """Write the files of a job to an existing folder, all or none; returns their names.
 
     zips : of Kiriko for the farm's platforms; none: this one, packed
-    remedy : ends the sentence that files are there already
+    remedy : ends the sentence about existing files
     """
     job.check()
     if bpy.data.filepath and (target / job.blend).resolve() == Path(bpy.data.filepath).resolve():
@@ -187,7 +185,7 @@ def write(
     names = [job.blend, KIRIKO, ASSETS, VALUES, TEMPLATE]
     if not overwrite:
         folder.refuse_existing(target, names, remedy)
-    if isinstance(job, Job):  # an atlas knows its own maps by its index
+    if isinstance(job, Job):  # an atlas recognises its own maps by its index
         _refuse_results(target)
 
     with disk.together(target) as new:
@@ -200,14 +198,14 @@ def write(
         ):
             text = json.dumps(contents, indent=2, ensure_ascii=False)
             disk.write_text(new / name, f"{text}\n")
-    for path in (target / KIRIKO).glob("*.zip"):  # of the job that was replaced
+    for path in (target / KIRIKO).glob("*.zip"):  # of the replaced job
         if extension.is_of_another_version(path) or (zips and path.name == _packed()):
             disk.remove(path)
     return names
 
 
 def _refuse_results(target: Path) -> None:
-    """Raise ImageError where tasks would take the images of another job for theirs."""
+    """Raise ImageError if tasks would mistake the images of another job for theirs."""
     results = target / OUT
     is_taken = disk.is_there(results) and (
         not results.is_dir()
@@ -223,12 +221,12 @@ def _refuse_results(target: Path) -> None:
 
 
 def bundle_report(names: list[str], target: Path) -> Message:
-    """The sentence at the end of a bundle."""
+    """Report of a written job."""
     return Message("Wrote {names} to '{folder}'.", names=", ".join(names), folder=target)
 
 
 def _packed() -> str:
-    """The name of the zip that is packed here."""
+    """Name of the zip packed here."""
     return f"kiriko-{extension.manifest()['version']}.zip"
 
 
@@ -340,9 +338,9 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
 
 
 def save_copy(path: Path) -> None:
-    """Save the open file to another place, which its relative paths are then relative to.
+    """Save the open file to another place, with paths relative to that place.
 
-    The open file stays as it is, and so does a file of that name where the copy cannot be written:
+    The open file stays unchanged, and so does an existing file if the copy cannot be written:
     ImageError.
     """
     with disk.together(path.parent) as new:
@@ -350,11 +348,11 @@ def save_copy(path: Path) -> None:
 
 
 def save_copy_into(new: Path, path: Path) -> None:
-    """Save it for that place, but into a folder whose files take their places later.
+    """Save a copy for that place into a folder whose files are moved there later.
 
     new : a folder within that of `path`
     """
-    # beside its place, as its relative paths will be; one that was there would be kept as .blend1
+    # Relative paths need the final folder; an existing file would become .blend1.
     made = path.absolute().with_name(f"{disk.PREFIX}{token_hex(8)}.blend")
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(made), copy=True, relative_remap=True)
@@ -372,12 +370,10 @@ def save_copy_into(new: Path, path: Path) -> None:
 
 
 def _check_whole(made: Path, path: Path) -> None:
-    """See that Blender can read what it wrote: on a full disk it tells nothing of a compressed
-    file that was cut.
-    """
+    """Check that Blender can read what it wrote: a full disk may cut a compressed file silently."""
     try:
         with bpy.data.libraries.load(str(made)):
-            pass  # what describes the data is at the file's end
+            pass  # the description of the data is at the file's end
     except OSError:
         raise ImageError(
             "The copy '{file}' cannot be written as a whole: the disk may be full, free some of it"

@@ -1,4 +1,4 @@
-"""Export maps: files by which other programs warp any picture, or film, for the display."""
+"""Export of maps: files with which other programs warp any picture or film for the display."""
 
 import json
 import sys
@@ -44,7 +44,7 @@ from .to_file import IntoFolder
 from .wrapping import sentence
 
 ABOUT = "Kiriko: where in the picture each pixel looks; s, t from the lower left"
-SOLVED, MAPPED = 0.4, 0.95  # progress, about
+SOLVED, MAPPED = 0.4, 0.95  # progress, approximate
 FORMAT_ITEMS = (
     (
         "EXR",
@@ -66,10 +66,10 @@ FORMAT_ITEMS = (
 def exported(
     context: bpy.types.Context, target: Path, options: MapOptions, overwrite: bool, remedy: str
 ) -> Generator[float, None, dict[str, Any]]:
-    """Write the maps of the scene's rig to a folder, all of them or none.
+    """Write the maps of the scene's rig to a folder, all or none.
 
-    Yields progress 0..1, returns the contents of maps.json; `remedy` ends the sentence that files
-    are there already.
+    Yields progress 0..1, returns the contents of maps.json; `remedy` ends the sentence about
+    existing files.
     """
     options.check()
     use_bundled_modules()
@@ -96,14 +96,15 @@ def exported(
     earlier = earlier_files(target)
 
     with ExitStack() as stack:
-        # made when there is something to write: whoever is killed before leaves nothing behind
+        # Made only when there is something to write, so that a killed process leaves nothing
+        # behind.
         new = cache(lambda: stack.enter_context(disk.together(target)))
         n, each = len(wavelengths), len(rig.viewers)
         for k, wavelength in enumerate(wavelengths):
             of_it = names[k * each : (k + 1) * each]
             steps = _written(new, rig, replace(settings, wavelength=wavelength), options, of_it)
             told += yield from subprogress(steps, MAPPED * k / n, MAPPED * (k + 1) / n)
-        # undo, or another file, may have taken the scene away meanwhile: nothing is written then
+        # Write nothing if undo or another file has removed the scene in the meantime.
         about = {**_about(scene, rig, settings, options), "maps": told}
         disk.write_text(new() / SIDECAR, json.dumps(about, indent=2) + "\n")
 
@@ -118,10 +119,9 @@ def _written(
     options: MapOptions,
     names: list[dict[str, tuple[str, ...]]],
 ) -> Generator[float, None, list[dict[str, Any]]]:
-    """Write the maps of a rig at one wavelength, those of each viewer by their names, to a
-    folder, which `new` makes.
+    """Write the maps of a rig at one wavelength, by viewer name, to a folder made by `new`.
 
-    Yields progress 0..1, returns what maps.json tells of each.
+    Yields progress 0..1, returns the entries of maps.json.
     """
     solution = yield from subprogress(work.session().solve(rig, settings), 0.0, SOLVED)
     told = []
@@ -136,7 +136,7 @@ def _written(
 
 
 def writable(options: MapOptions) -> MapOptions:
-    """The options with the formats that this Blender's Python can write.
+    """The options, limited to formats that this Blender's Python can write.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def writable(options: MapOptions) -> MapOptions:
 
 
 def left_out(options: MapOptions) -> list[Message]:
-    """A sentence on the format that `writable` leaves out, if it is wanted."""
+    """A sentence on the wanted format that `writable` leaves out."""
     if image_io.has_openimageio() or "EXR" not in options.formats:
         return []
     return [Message("This Blender can't write .exr: OpenImageIO is missing.")]
@@ -166,14 +166,14 @@ def _memory(size: float) -> Message:
 
 
 def files_in(about: dict[str, Any]) -> list[str]:
-    """The files that maps.json tells of."""
+    """Files named in maps.json."""
     return [name for one in about["maps"] for names in one["files"].values() for name in names]
 
 
 def _about(
     scene: bpy.types.Scene, rig: Rig, settings: Settings, options: MapOptions
 ) -> dict[str, Any]:
-    """maps.json, without the maps themselves."""
+    """maps.json without the maps themselves."""
     place, display = rig.picture_place, rig.display
     return {
         "kiriko": extension.manifest()["version"],
@@ -243,7 +243,7 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.column().prop(self, "formats")  # in a row they would have no room for their names
+        layout.column().prop(self, "formats")  # a row has no room for the names
         for name in ("overscan", "times", "mesh_step"):
             layout.prop(self, name)
         layout.prop(context.scene.kiriko, "export_overwrite")

@@ -1,4 +1,6 @@
-"""Surfaces of the places from which the picture is seen, and of how far the head may move."""
+"""Visible range and eye box: surfaces of where the picture is seen from, and how far a head may
+move.
+"""
 
 from collections.abc import Generator
 from dataclasses import asdict
@@ -27,8 +29,8 @@ from .outdated_surfaces import EYE_BOX, MADE_FOR, RANGE
 class Remove:
     """Mix-in for an operator that removes a surface.
 
-    surface : its name, as `made_surface` knows it
-    lacking : the reason why nothing can be removed, where there is none
+    surface : its name for `made_surface`
+    lacking : reason to refuse if there is none
     """
 
     bl_options = {"REGISTER", "UNDO"}
@@ -99,7 +101,9 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
         thing = surface_object(scene, RANGE, positions, shown_quads(is_seen), brightness)
         thing[MADE_FOR] = made_for
         if not bpy.app.background:
-            framing.bring_into_sight(context, thing)  # it is around the viewer, far from the bench
+            framing.bring_into_sight(
+                context, thing
+            )  # the surface is around the viewer, far from the bench
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
             return Message(
@@ -120,19 +124,20 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
         )
 
 
-DISPLACEMENT = "displacement"  # arcmin, at the surface's points
-SERVED = "head_box"  # among the numbers
+DISPLACEMENT = "displacement"  # attribute in arcmin, at the surface's points
+SERVED = "head_box"  # key among the figures
 BLENDED = Message(
     "Blended shows double edges. The figures apply to their centre, as shown by Sharp."
 )
-NUMBERS = "kiriko_eye_box"  # the surface's own property that keeps them, as text
-# of the progress, when the box is found, and when its surface is: the rest is the viewers' box
+NUMBERS = "kiriko_eye_box"  # custom property of the surface with the figures, as text
+# Progress when the box is found, and when its surface is; the rest is the viewers' box.
 FOUND, SURFACE = 0.5, 0.7
 
 
 class OffFromStartError(RigError):
-    """There is no eye box, for the picture is off by more than its limit from the viewer's own
-    place; other numbers of the rig are worth having.
+    """The picture exceeds the limit already at the viewer's place.
+
+    Other figures of the rig are still useful.
     """
 
 
@@ -195,7 +200,9 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         numbers = {**numbers_of(box, viewer), **served}
         thing[NUMBERS], thing[MADE_FOR] = StoredNumbers(numbers).text(), made_for
         if not bpy.app.background:
-            framing.bring_into_sight(context, thing)  # it is around the viewer, far from the bench
+            framing.bring_into_sight(
+                context, thing
+            )  # the surface is around the viewer, far from the bench
         told = Message(
             "The head of '{viewer}' may move {ways} within {limit} arcmin: '{name}'.",
             limit=number(self.limit),
@@ -207,28 +214,29 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
 
 
 def check_limit(limit: float) -> None:
-    """Raise RigError where a limit, arcmin, is none, as scripts may set."""
-    if not 0 < limit < float("inf"):  # nor NaN
+    """Raise RigError unless a limit, arcmin, is above 0; scripts may set any value."""
+    if not 0 < limit < float("inf"):  # true for NaN as well
         raise RigError("The limit is {limit:g} arcmin: set it above 0.", limit=limit)
 
 
 def check_share(share: float) -> None:
-    """Raise RigError where a share of the picture is none, as scripts may set."""
-    if not 0 < share <= 1:  # nor NaN
+    """Raise RigError unless a fraction of the picture is above 0, up to 1; scripts may set any
+    value.
+    """
+    if not 0 < share <= 1:  # true for NaN as well
         raise RigError("The share is {share:g}: set it above 0, up to 1.", share=share)
 
 
 def of_blended(scene: bpy.types.Scene) -> list[Message]:
-    """What a box leaves out where the colours that several viewers ask for are blended; else
-    nothing.
-    """
+    """Note on a box of several viewers whose colours are blended; otherwise none."""
     is_blended = scene.kiriko.disagreement == "BLENDED" and len(seats_of(scene)) > 1
     return [BLENDED] if is_blended else []
 
 
 def begin(walk: Walk) -> Steps[None]:
-    """Begin a walk; RigError where nothing is seen to begin with, OffFromStartError where the limit
-    is exceeded already.
+    """Begin a head range.
+
+    RigError if nothing is visible at the start, OffFromStartError if the limit is exceeded there.
     """
     yield from walk.begin()
     viewer = walk.plan.viewer.name
@@ -247,8 +255,10 @@ def begin(walk: Walk) -> Steps[None]:
 
 
 def _served(plan: Plan) -> Generator[float, None, dict[str, Any]]:
-    """What solving for all viewers gives beside solving for the middle of the box that they span,
-    by the name under which a surface keeps it; nothing where they span none. Yields progress 0..1.
+    """Comparison of solving for all viewers with solving for the centre of their box.
+
+    By the key under which a surface stores it; empty if the viewers span no box. Yields progress
+    0..1.
     """
     try:
         check_box(plan.rig)
@@ -261,17 +271,17 @@ def _served(plan: Plan) -> Generator[float, None, dict[str, Any]]:
 
 
 def numbers_of(box: EyeBox, viewer: str) -> dict[str, Any]:
-    """The numbers of an eye box, and whose it is, as its surface keeps them."""
+    """Figures of an eye box and its viewer, as its surface stores them."""
     return {**asdict(box), "viewer": viewer}
 
 
 def box_of(surface: bpy.types.Object | None) -> dict[str, Any] | None:
-    """The numbers that a surface keeps; None where there is none."""
+    """Figures stored by a surface; None without one."""
     return None if surface is None else StoredNumbers.read(surface.get(NUMBERS, "")).by_name or None
 
 
 def served_in_words(box: dict[str, Any]) -> list[Message]:
-    """How the box that the viewers span is served, in three lines; nothing where they span none."""
+    """Errors in the viewers' box, in three lines; none if they span no box."""
     served = box.get(SERVED)
     if served is None or None in (*served["for_all"].values(), *served["for_middle"].values()):
         return []
@@ -291,13 +301,13 @@ def served_in_words(box: dict[str, Any]) -> list[Message]:
         Message(
             "At the centre the error is {mean} arcmin, or {alone} if solved for it only.",
             mean=number(everyone["middle_mean_arcmin"]),
-            alone=number(round(middle["middle_mean_arcmin"], 6)),  # 0, but for rounding
+            alone=number(round(middle["middle_mean_arcmin"], 6)),  # 0 up to rounding
         ),
     ]
 
 
 def ways_in_words(scene: bpy.types.Scene, box: dict[str, Any]) -> list[Message]:
-    """How far the head may go, in three lines, in the scene's unit."""
+    """Range of the head in three lines, in the scene's unit."""
     names = ("left", "right", "up", "down", "nearer", "farther")
     lengths = {
         name: Message("over {length}", length=text) if is_open else text

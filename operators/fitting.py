@@ -1,4 +1,4 @@
-"""Make a plate, the display or the picture as large as the picture's light needs."""
+"""Fit Display, Fit Plate, Fit Picture: resize a part to the picture's light."""
 
 from collections.abc import Callable, Generator
 from typing import Any
@@ -17,12 +17,12 @@ from ..core.blender.read.resize import scale_by
 from ..core.rig.rig import ROLES, Rig
 from . import long_work, needed, work
 
-SMALLER = 0.7  # of a part's width: it has to save as much to be told
-SAME = 2e-3  # of its size: a part that would change by less stays as it is
+SMALLER = 0.7  # of a part's width: smallest saving worth a hint
+SAME = 2e-3  # of its size: smaller changes are not made
 
 
 def share(default: float) -> bpy.props.FloatProperty:
-    """The property for the share of the light that has to arrive."""
+    """Property for the fraction of light that must arrive."""
     return bpy.props.FloatProperty(
         name="Share",
         description="Part of the available light that must arrive",
@@ -35,9 +35,10 @@ def share(default: float) -> bpy.props.FloatProperty:
 
 
 class FitsPart(long_work.LongWork):
-    """Mix-in for an operator that gives a part of the rig another size.
+    """Mix-in for an operator that resizes a part of the rig.
 
-    role : of the part; fit : finds its size, as `fit_display`, and is told the part's number
+    role : of the part
+    fit : function like `fit_display`, which also gets the part's number
     """
 
     role: str
@@ -83,8 +84,8 @@ class FitsPart(long_work.LongWork):
         return joined([changed, *_limit(scene, fitted)])
 
     def part(self, context: bpy.types.Context, rig: Rig) -> tuple[int, bpy.types.Object]:
-        """The number of the part among those of its role, and its object: the
-        active one, or else the first.
+        """Number of the part within its role, and its object: the active one, otherwise the
+        first.
         """
         parts = parts_of(rig, self.role)
         names = [part.name for part in parts]
@@ -115,7 +116,7 @@ class FitsPart(long_work.LongWork):
     def _changed(
         self, scene: bpy.types.Scene, thing: bpy.types.Object, fitted: Fitted, is_moved: bool
     ) -> Message:
-        """The change, and the share of the picture that arrives since."""
+        """Report on the new size, and the fraction of the picture that arrives."""
         text = Message(
             "'{name}' is now {width} wide: {after} of the picture arrives ({before} before).",
             name=thing.name,
@@ -139,7 +140,7 @@ class FitsPart(long_work.LongWork):
 
 
 def _limit(scene: bpy.types.Scene, fitted: Fitted) -> list[Message]:
-    """The limit, where one was reached."""
+    """A sentence on the limit, if it was reached."""
     if not fitted.limit:
         return []
     width = length_text(scene, fitted.limit)
@@ -147,7 +148,7 @@ def _limit(scene: bpy.types.Scene, fitted: Fitted) -> list[Message]:
 
 
 def parts_of(rig: Rig, role: str) -> tuple[Any, ...]:
-    """The parts of a rig that have a role, by its name."""
+    """Parts of a rig with a role, by the role's name."""
     return next(rig.of(one) for one in ROLES if one.name == role)
 
 

@@ -1,6 +1,4 @@
-"""A folder that results are written to: made if need be, seen
-to be writable before any work, gone again if unused.
-"""
+"""An output folder: made if needed, checked before work, removed if it stays empty."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -11,14 +9,14 @@ import bpy
 from ..core.base.errors import ImageError
 from ..core.files import disk
 
-LONGEST = 120  # bytes of a thing's name: systems take 255 for a file's in all
+LONGEST = 120  # bytes of a name: systems allow 255 for a file's in all
 
 
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
-    """Make the folder and see that it can be written, before any work is done for it.
+    """Make the folder and check that it is writable, before any work.
 
-    Gone again if it stays empty.
+    It is removed again if it stays empty.
     """
     new = [path for path in (folder, *folder.parents) if not disk.is_there(path)]
     try:
@@ -37,13 +35,14 @@ def made(folder: Path) -> Iterator[None]:
 
 
 def names_for(things: Iterable[str]) -> list[str]:
-    """A folder's name for each of some things, as every system allows it, and each another. What
-    can have its own name has it, whatever others were shortened to.
+    """Distinct folder names that every system allows.
+
+    A name that is valid as it is stays unchanged, even if another is shortened to it.
     """
     things = list(things)
     allowed = [_allowed(thing) for thing in things]
     names: dict[int, str] = {}
-    taken: set[str] = set()  # disks may not tell capitals from small letters
+    taken: set[str] = set()  # disks may ignore case
     for n in sorted(range(len(things)), key=lambda n: allowed[n] != things[n]):
         name, number = allowed[n], 1
         while name.casefold() in taken:
@@ -56,16 +55,14 @@ def names_for(things: Iterable[str]) -> list[str]:
 
 def _allowed(thing: str) -> str:
     """A name that every system allows, and no command takes for an option."""
-    # half a letter at the cut goes, too
+    # removes an incomplete character at the cut
     whole = bpy.path.clean_name(thing)
     whole = f"_{whole[1:]}" if whole.startswith("-") else whole
     return whole.encode(errors="ignore")[:LONGEST].decode(errors="ignore")
 
 
 def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:
-    """Raise ImageError when files of these names are in the folder already; `remedy` ends its
-    sentence.
-    """
+    """Raise ImageError if any of the files exists in the folder; `remedy` ends its sentence."""
     there = [name for name in names if disk.is_there(folder / name)]
     if there:
         raise ImageError(

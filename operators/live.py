@@ -1,8 +1,9 @@
-"""Live: follow every change of the rig with a new source image, coarse first and then finer.
+"""Live: follow every change of the rig with a new source image, first a coarse one, then the final
+one.
 
-The work is done in turns of a timer of the application, and not by a modal operator: such a timer
-also runs while objects are dragged, whose operator takes all events of its window; it belongs to no
-window, and holds up neither undo nor auto-save. One turn is a matter of `live_follower.py`.
+An application timer does the work, not a modal operator. Such a timer also runs while objects are
+dragged, though the drag takes all events of its window. It belongs to no window, and delays neither
+undo nor auto-save. `live_follower.py` does the work of one turn.
 """
 
 import bpy
@@ -16,35 +17,33 @@ from . import live_follower, needed, telling, work
 from .windows import redraw
 
 _lives: list[live_follower.Live] = []
-_last_words: list[str] = []  # why it stopped by itself
-# session uids of what was followed as a file began to be loaded, and is its image unpacked?
+_last_words: list[str] = []  # reason why it stopped by itself
+# Session uids of followed scenes when a file load began, and whether the image is unpacked.
 _left: dict[int, bool] = {}
 
 
 def followed() -> live_follower.Live | None:
-    """The one scene that is followed, if any."""
+    """The followed scene, if any; at most one."""
     return _lives[0] if _lives else None
 
 
 def is_on() -> bool:
-    """Is a scene followed?"""
+    """Whether any scene is followed."""
     return bool(_lives)
 
 
 def _scene_of(live: live_follower.Live) -> bpy.types.Scene | None:
-    """The scene that is followed, if it is there."""
+    """The followed scene, if it still exists."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == live.uid), None)
 
 
 def follows(scene: bpy.types.Scene) -> bool:
-    """Is it this scene that is followed? Another window may show another one."""
+    """Whether this scene is followed; another window may show another one."""
     return bool(_lives) and _lives[0].uid == scene.session_uid
 
 
 def status(scene: bpy.types.Scene | None = None) -> tuple[str, bool]:
-    """A sentence on how it stands, '' for none, and whether it names a problem: to whoever looks at
-    a scene, which may be another one than it follows.
-    """
+    """Status sentence for a viewer of the scene ('' for none), and whether it reports a problem."""
     if not _lives:
         return (_last_words[0], False) if _last_words else ("", False)
 
@@ -60,24 +59,24 @@ def status(scene: bpy.types.Scene | None = None) -> tuple[str, bool]:
     if live.progress is not None:
         percent = 100 * live.progress
         return Message("Live: updating, {percent:.0f} %", percent=percent), False
-    if live.phrase:  # the same as in the status bar
+    if live.phrase:  # same text as in the status bar
         return Message("Live: {phrase}...", phrase=live.phrase), False
     if live.is_working or not live.has_read:
         return Message("Live: updating..."), False
-    if live.seconds is None:  # what was there is that of the scene
+    if live.seconds is None:  # the existing result was up to date
         return Message("Live: up to date."), False
 
-    # one line, as while it works: else all below would move up and down with each change
+    # Always one line, so that nothing below it moves.
     return Message("Live: up to date after {seconds:.1f} s.", seconds=live.seconds[1]), False
 
 
 def is_ahead(scene: bpy.types.Scene) -> bool:
-    """Is a result on its way for a scene that is another by now than its result is of?"""
+    """Whether the scene has changed since its result and a new one is under way."""
     return follows(scene) and _lives[0].is_of_another(scene.kiriko.result.solved_for)
 
 
 def start(scene: bpy.types.Scene) -> live_follower.Live:
-    """Follow a scene from now on."""
+    """Start following a scene."""
     stop()
     _lives.append(live_follower.Live(scene))
     work.listen(HANDLERS)
@@ -86,7 +85,7 @@ def start(scene: bpy.types.Scene) -> live_follower.Live:
 
 
 def stop(last_words: str = "") -> None:
-    """Follow no scene any more; may be called at any time."""
+    """Stop following; may be called at any time."""
     _last_words[:] = [last_words] if last_words else []
     if not _lives:
         return
@@ -102,15 +101,13 @@ def stop(last_words: str = "") -> None:
 
 
 def forget_why() -> None:
-    """Why Live stopped by itself is no news any more, once the artist has gone on."""
+    """Clear the reason why Live stopped, once the artist goes on."""
     if not _lives:
         _last_words.clear()
 
 
 def pack_if_needed(live: live_follower.Live) -> None:
-    """Save the image within the file, which takes too long to be done with each update; what is
-    told beside it is of no other.
-    """
+    """Pack the image into the file, which is too slow for every update."""
     scene = _scene_of(live)
     if live.is_unpacked and scene is not None:
         live.leave_picture(scene)
@@ -120,8 +117,9 @@ def pack_if_needed(live: live_follower.Live) -> None:
 
 
 def push_undo(scene: bpy.types.Scene) -> None:
-    """Make an undo step of a whole result that Live has written since the last one, to which undo
-    of the next change returns: the step before has the result of an older scene.
+    """Push an undo step of a complete result that Live has written, if there is none yet.
+
+    Undo of the next change then returns to it, not to the result of an older scene.
     """
     result = scene.kiriko.result
     if not follows(scene) or result.is_coarse or lacks_numbers(result) or is_ahead(scene):
@@ -133,7 +131,7 @@ def push_undo(scene: bpy.types.Scene) -> None:
 
 
 def settle(scene: bpy.types.Scene) -> None:
-    """Leave the scene's result as a whole one before another takes its place."""
+    """Complete the scene's result before another replaces it."""
     followed_scene = followed()
     if followed_scene is not None and followed_scene.uid == scene.session_uid:
         pack_if_needed(followed_scene)
@@ -141,7 +139,7 @@ def settle(scene: bpy.types.Scene) -> None:
 
 
 def tick() -> float | None:
-    """Called by the timer."""
+    """Timer callback."""
     if not _lives:
         return None
 
@@ -159,9 +157,9 @@ def tick() -> float | None:
 
 @persistent
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Blender evaluated a change or another frame.
+    """Handle a change or a new frame evaluated by Blender.
 
-    Whether it counts shows when the scene is read.
+    Reading the scene decides whether it matters.
     """
     for live in _lives:
         live.kept.notice(depsgraph, live.ours)
@@ -170,26 +168,23 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """The work under way is dropped and begun anew from the
-    scene as it is now: an artist undoes often.
-    """
+    """Drop the work under way and restart from the present scene, since artists undo often."""
     for live in _lives:
         live.start_over()
 
 
 @persistent
 def on_save(*_: object) -> None:
-    """The file is about to be saved, and the image has to be in it."""
+    """Pack the image before the file is saved."""
     for live in _lives:
         pack_if_needed(live)
 
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file takes the place of all that was followed, or the same one as it was saved, so
-    nothing need be packed.
+    """Handle a file load: the followed scene is replaced, so nothing need be packed.
 
-    Reports on the file before are of no use in the next.
+    Reports on the file before are dropped.
     """
     _left.clear()
     for live in _lives:
@@ -200,7 +195,7 @@ def on_load(*_: object) -> None:
 
 @persistent
 def on_load_failed(*_: object) -> None:
-    """There is no such file, or none that Blender reads: all is as before, and Live goes on."""
+    """Continue as before: the file does not exist or cannot be read."""
     for scene in bpy.data.scenes:
         if scene.session_uid in _left:
             start(scene).is_unpacked = _left[scene.session_uid]
@@ -208,20 +203,20 @@ def on_load_failed(*_: object) -> None:
 
 
 def register() -> None:
-    """From now on forget with each file the reports on the one before."""
+    """Start listening for file loads."""
     work.listen(OF_FILES)
 
 
 def unregister() -> None:
-    """Stop, and hear of no file any more."""
+    """Stop Live and stop listening."""
     stop()
     work.stop_listening(OF_FILES)
 
 
-# @persistent, so that it is `stop` that removes them, and not the file that is loaded
+# @persistent, so that only `unregister` removes them, not a file load
 HANDLERS = (
     ("depsgraph_update_post", on_update),
-    ("frame_change_post", on_update),  # animated objects may stand elsewhere
+    ("frame_change_post", on_update),  # animated objects may have moved
     ("undo_post", on_undo),
     ("redo_post", on_undo),
     ("save_pre", on_save),
@@ -234,7 +229,7 @@ class KIRIKO_OT_live(bpy.types.Operator):
 
     bl_idname = "kiriko.live"
     bl_label = "Live"
-    bl_options = {"REGISTER"}  # whether it is on is no part of the file, its result is
+    bl_options = {"REGISTER"}  # the file stores its result, not whether it is on
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -1,7 +1,7 @@
-"""One scene that Live follows: what has changed, and the steps from it to a new source image.
+"""A scene that Live follows: detects changes, and steps from a change to a new source image.
 
-Only numbers and session uids are remembered from turn to turn; datablocks are looked up anew each
-turn, so that undo, deletion and file load leave nothing behind that points nowhere.
+Only numbers and session uids are stored between turns. Datablocks are looked up in each turn, so
+that undo, deletion and file load leave no dangling pointers.
 """
 
 from collections.abc import Callable, Generator
@@ -42,19 +42,18 @@ from .telling import in_words
 from .viewer_reports import reports_of
 from .windows import all_windows, redraw
 
-# s between two looks at the settings, which take a millisecond:
-# scripts that change them wake no handler
+# s between polls of the settings (1 ms each), because scripts that change them trigger no handler
 IDLE = 0.1
-PAUSE = 0.0  # s between two turns of work: Blender hears events and draws before each anyway
-TURN = 0.03  # s after which a turn begins no other step
-QUICK = 0.4  # s: a rig that took less as a whole the last time gets no coarse picture first
-LONG = 0.1  # s: a step that may take longer is announced
-NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
+PAUSE = 0.0  # s between turns: Blender handles events and draws before each anyway
+TURN = 0.03  # s after which a turn starts no further step
+QUICK = 0.4  # s: a rig solved faster than this gets no coarse picture first
+LONG = 0.1  # s: a longer step is announced
+NOTICE = 0.05  # s to let the status bar redraw before a long step
 
 
 @dataclass(frozen=True)
 class NextStep:
-    """The next step: words for the status bar, the key of its duration, a guess at that, s."""
+    """The next step: status bar text, key of its duration, expected duration in s."""
 
     phrase: str
     key: tuple[object, ...] = ()
@@ -70,46 +69,46 @@ GLASS = Message("comparing the glass with Cycles")
 
 
 class Live:
-    """One scene that is followed. `turn` does a little work; it needs no window and no event."""
+    """One followed scene. `turn` does a little work, without window or event."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.uid, self._rig = scene.session_uid, rig_uid(scene)
         self.problem = ""
         self.n_pictures = 0
-        self.n_pushed = 0  # of them, when the last undo step of them was made
+        self.n_pushed = 0  # number of results at the last undo step of them
         self.is_unpacked = False
-        self.otherwise: list[Message] = []  # why Cycles shows the glass otherwise, as last read
-        # from a change to the first and to the last picture of it
+        self.otherwise: list[Message] = []  # differences to Cycles' glass, as last read
+        # s from a change to its first and its last picture
         self.seconds: tuple[float, float] | None = None
-        self._shown_at: list[float] = []  # when, the pictures of the update under way
+        self._shown_at: list[float] = []  # times of the present update's pictures
         self.longest: dict[str, float] = {}  # s by phrase of the step
         self.kept = ShapeCache()
-        self.ours: set[int] = set()  # session uids of the datablocks that we write to
-        self.progress: float | None = None  # 0..1, of a picture that takes a while
-        self.phrase: Message | str = ""  # on the step in the status bar; '' for none
+        self.ours: set[int] = set()  # session uids of datablocks that Live itself writes to
+        self.progress: float | None = None  # 0..1, of a slow picture
+        self.phrase: Message | str = ""  # status bar text of the step; '' for none
         self._text = ""
-        self._told: set[int] = set()  # session uids of the workspaces that have the text
+        self._told: set[int] = set()  # session uids of the workspaces that show it
         self._lasted: dict[NextStep, float] = {}
         # s of tracing and painting, by kind of rig
         self._whole_lasted: dict[tuple[object, ...], float] = {}
         self._settings: tuple[object, ...] = ()
-        self._looked = -np.inf  # when, at the settings
+        self._looked = -np.inf  # time of the last poll of the settings
         self._solved_meshes: list[object] = []
         self._reading: Reading | None = None
-        self._compared: Reading | None = None  # whose glass was compared with that of Cycles
+        self._compared: Reading | None = None  # identity of the glass last compared with Cycles
         self.start_over()
-        self._may_keep = True  # a result that is there, at the first reading
+        self._may_keep = True  # the existing result, at the first reading
 
     def start_over(self) -> None:
-        """Take everything for changed, as after undo, which may have put back the image, too."""
+        """Treat everything as changed, as after undo, which may have restored the image too."""
         self.kept = ShapeCache()
         self._drop()
         self._key, self._may_keep = None, False
-        self.problem = ""  # of a scene that may be another now
+        self.problem = ""  # may belong to an older scene
         self.touch()
 
     def touch(self) -> None:
-        """Something has changed that may count."""
+        """Note a change that may matter."""
         self.is_changed = True
 
     @property
@@ -117,20 +116,20 @@ class Live:
         return self._work is not None
 
     def is_of_another(self, solved_for: str) -> bool:
-        """Was a result, if there is one, solved for another scene than was read last?"""
+        """Whether the existing result was solved for another scene than the last one read."""
         return self._reading is not None and solved_for not in ("", self._reading.solved_for)
 
     @property
     def has_read(self) -> bool:
-        """Is the scene known, as it was last?"""
+        """Whether the scene was read since its last change."""
         return self._key is not None
 
     def turn(self) -> float | None:
-        """Do a little work; returns seconds until the next turn is
-        due, or None when the scene is not shown any more.
+        """Do a little work; returns seconds until the next turn, or None if the scene is no longer
+        shown.
 
-        Single steps are done until TURN is over; before one that may take longer
-        than LONG it returns once, so that the status bar can say so.
+        Single steps run until TURN is over. Before a step expected to exceed LONG it returns once,
+        so that the status bar can announce it.
         """
         window = next((w for w in all_windows() if w.scene.session_uid == self.uid), None)
         if window is None:
@@ -139,7 +138,7 @@ class Live:
             return IDLE
         with bpy.context.temp_override(window=window):
             if rig_uid(window.scene) != self._rig:
-                # another rig's result is never written to
+                # Never write to the result of another rig.
                 self._rig = rig_uid(window.scene)
                 self.start_over()
             was_working = self.is_working
@@ -151,9 +150,9 @@ class Live:
                 if step is None:
                     self.phrase = ""
                     self._say("")
-                    # work may have ended before the settings were looked at again
+                    # Work may have ended before the next poll of the settings.
                     return PAUSE if was_working else IDLE
-                # a short step is not worth a word, but no other step's is left there
+                # A short step is not announced, but the text of an earlier step has to go.
                 is_long = self._lasted.get(step, step.guess) > LONG
                 if is_long or self._text:
                     self.phrase = step.phrase
@@ -164,7 +163,7 @@ class Live:
         return PAUSE
 
     def _look(self, scene: bpy.types.Scene) -> None:
-        """Has a script changed the settings?"""
+        """Whether a script has changed the settings."""
         self._looked = perf_counter()
         settings = chosen_settings(scene)
         if settings != self._settings:
@@ -172,24 +171,26 @@ class Live:
             self.touch()
 
     def leave_picture(self, scene: bpy.types.Scene) -> None:
-        """The picture that is shown stays, as far as anybody knows."""
+        """Forget the measured durations of the picture."""
         leave_coarse(scene, self._reading)
 
     def close(self) -> None:
-        """End the work; nothing is half-written."""
+        """End the work; nothing is left half-written."""
         self._drop()
         self.phrase = ""
         self._say("")
 
     def _drop(self) -> None:
-        # a generator is closed when nothing holds it
+        # a generator closes when its last reference goes
         self._work: Generator[NextStep, None, None] | None = None
         self._pending: NextStep | None = None
         self._has_picture, self.progress = False, None
 
     def _upcoming(self) -> NextStep | None:
-        """The next single step. A first picture is not given up for
-        a newer change, or a drag would never show any.
+        """The next single step.
+
+        A first picture is finished even if a newer change arrives, otherwise a drag would never
+        show one.
         """
         if self.is_changed and (self._work is None or self._has_picture):
             return NextStep(READING, (self.kept.is_whole,))
@@ -199,7 +200,10 @@ class Live:
 
     @property
     def _is_to_compare(self) -> bool:
-        """Is the scene looked at through the viewer, and is its glass another than was compared?"""
+        """Whether the scene is viewed through the viewer with glass that was not compared with
+        Cycles
+        yet.
+        """
         now, before = self._reading, self._compared
         if now is None or not scene_by_uid(self.uid).kiriko_scene.looking:
             return False
@@ -225,9 +229,9 @@ class Live:
         self.longest[step.phrase] = max(self.longest.get(step.phrase, 0.0), self._lasted[step])
 
     def _read(self, context: bpy.types.Context) -> None:
-        """Read the scene, and begin an update if anything that counts is different."""
+        """Read the scene, and begin an update if anything relevant differs."""
         context.view_layer.update()
-        self.is_changed = False  # the change that the update above told of is in the reading
+        self.is_changed = False  # the reading includes the change that triggered it
         settings = work.settings_of(context.scene)
         try:
             reading = work.read(context, self.kept)
@@ -237,11 +241,11 @@ class Live:
             self._key = None
             raise
         context.view_layer.update()
-        self.is_changed = False  # this one told of what reading itself made and removed
+        self.is_changed = False  # triggered by objects that reading itself made and removed
         if self._key is None:
-            self._show_problem("")  # that of a scene that could not be read
+            self._show_problem("")  # left from a scene that could not be read
         key = (
-            # in their order: numbers are those of the first
+            # in their order, because figures are those of the first one
             reading.rig.light_keys,
             tuple(viewer.weight for viewer in reading.rig.viewers),
             tuple(display.black_level for display in reading.rig.displays),
@@ -264,7 +268,7 @@ class Live:
         self._pending = next(self._work)
 
     def _is_shown(self, scene: bpy.types.Scene) -> bool:
-        """Is the whole result that Solve wrote last that of the scene as it was read, and shown?"""
+        """Whether the last complete result from Solve fits the scene as read, and is shown."""
         image = scene.kiriko.result.source
         display = bpy.data.objects.get(self._reading.display_object)
         return (
@@ -274,14 +278,14 @@ class Live:
         )
 
     def _update(self, scene_uid: int, settings: Settings) -> Generator[NextStep, None, None]:
-        """Solve and write, coarse and then finer; yields each single step before it is done."""
+        """Solve and write, first coarse, then final; yields each step before it runs."""
         started = perf_counter()
         self._shown_at = []
         rig = self._reading.rig
         meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
-        self._solved_meshes = meshes  # held, so that no other mesh gets their ids
-        # where the light is traced, a picture costs one product: nothing coarse is faster
+        self._solved_meshes = meshes  # keeps their ids from being reused by other meshes
+        # If the light is traced already, a picture costs one product and needs no coarse one.
         is_traced = work.session().has_view_maps(rig, settings)
         kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
@@ -289,7 +293,7 @@ class Live:
         if not is_quick and has_coarse(rig):
             pictures.insert(0, coarser(rig, settings))
         if not is_traced:
-            # of the last of them: nothing is shown of a rig that cannot be solved
+            # check first: nothing is shown of a rig that cannot be solved
             check_memory(rig, settings, is_checked_again=True)
         for n, (a_rig, how) in enumerate(pictures):
             is_last = n == len(pictures) - 1
@@ -300,12 +304,12 @@ class Live:
             except KirikoError:
                 if is_last:
                     raise
-                continue  # a coarse viewer may miss light that the rig's own sees
+                continue  # a coarse viewer may miss light that the real one sees
             if not is_last:
                 yield from self._show(found, update_coarse)
         yield NextStep(WRITING, (rig.display.width, rig.display.height))
         update_solution(scene_by_uid(scene_uid), self._reading, found)
-        if self.n_pictures == n_before:  # it was not shown before its numbers
+        if self.n_pictures == n_before:  # it was not shown before its figures
             self._note_shown()
         if not is_traced:
             self._whole_lasted[kind] = self._shown_at[-1] - began
@@ -329,23 +333,22 @@ class Live:
     def _solve(
         self, rig: Rig, settings: Settings, is_built: bool, is_last: bool, tells: bool
     ) -> Generator[NextStep, None, Any]:
-        """The solution, or a coarse source image alone. Names each
-        step before it, and the time that it may take.
+        """Solve, fully or for a coarse source image; yields each step and its expected duration
+        first.
 
-        tells : is it told how far it is? Not where it was there in no time before.
+        tells : whether progress is reported; not if an earlier solve took no time
         """
         sizes = (*_sizes(rig), is_built)
         session = work.session()
         n = 0
-        painted: list[NDArray[np.float32]] = []  # the final picture, whose numbers follow
+        painted: list[NDArray[np.float32]] = []  # the final picture, before its figures
         steps = (
             session.solve(rig, settings, painted.append)
             if is_last
             else session.solve_preview(rig, settings)
         )
         phrase = Message("solving")
-        # solved with these sizes before, it may take a step
-        # more than then, which is no reason to speak
+        # With the same sizes as before, a slightly slower step needs no announcement.
         guess = 0.0 if NextStep(phrase, (*sizes, 0)) in self._lasted else 2 * LONG
         while True:
             yield NextStep(phrase, (*sizes, n), guess)
@@ -361,7 +364,7 @@ class Live:
                 yield from self._show(painted.pop(), update_final)
 
     def _tell(self, progress: float) -> None:
-        """Tell how far the final picture is."""
+        """Report the progress of the final picture."""
         before, self.progress = self.progress, progress
         if before is None or int(100 * before) != int(100 * progress):
             redraw()
@@ -369,7 +372,7 @@ class Live:
     def _show(
         self, pixels: NDArray[np.float32], update: Callable[..., Reading]
     ) -> Generator[NextStep, None, None]:
-        """Show a source image without numbers: these follow once nothing changes.
+        """Show a source image without figures, which follow once nothing changes.
 
         update : `update_coarse` or `update_final`
         """
@@ -380,8 +383,8 @@ class Live:
         self._note_shown()
 
     def _note_shown(self) -> None:
-        """A picture is there: a newer change may end the work that follows."""
-        self.problem = ""  # of the scene before
+        """Note that a picture is shown: a newer change may now end the remaining work."""
+        self.problem = ""  # of the earlier scene
         self.n_pictures += 1
         self._shown_at.append(perf_counter())
         self.is_unpacked = self._has_picture = True
@@ -391,7 +394,7 @@ class Live:
     def _stepped(
         self, phrase: str, steps: Generator[float, None, Any]
     ) -> Generator[NextStep, None, Any]:
-        """Long work on the last solution; names each step before it."""
+        """Run long work on the last solution; yields each step before it runs."""
         n = 0
         while True:
             yield NextStep(phrase, (*_sizes(self._reading.rig), n))
@@ -414,7 +417,7 @@ class Live:
         redraw()
 
     def _say(self, text: str) -> bool:
-        """Put a sentence into the status bar, '' for none; is it another one than before?"""
+        """Show a text in the status bar, '' for none; returns whether it changed."""
         if text == self._text:
             return False
         self._text = text
@@ -424,30 +427,28 @@ class Live:
                 with bpy.context.temp_override(window=window):
                     window.workspace.status_text_set(text or None)
                 self._told.add(uid(window.workspace))
-        # a workspace that was left keeps its text, which would stand there for good
+        # a workspace that was left would keep the text for good
         for workspace in bpy.data.workspaces:
             if uid(workspace) in told - self._told:
                 with bpy.context.temp_override(workspace=workspace):
                     workspace.status_text_set(None)
-        redraw()  # panels tell the same
+        redraw()  # panels show the same text
         return True
 
 
 def _glass_of(reading: Reading) -> tuple[object, ...]:
-    """All that tells whether Cycles shows the glass as it is; meshes by their identity."""
+    """Identity of everything that affects how Cycles shows the glass; meshes by identity."""
     glasses = [(id(one.mesh), one.name, one.ior, one.priority) for one in reading.rig.glasses]
     return (*glasses, reading.materials)
 
 
 def _sizes(rig: Rig) -> tuple[int, ...]:
-    """Sizes by which the time of a solve is guessed: pixels, and
-    the number of triangles up to a factor of two.
-    """
+    """Sizes that predict the time of a solve: pixels, and triangles up to a factor of two."""
     n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors))
     images = (side for part in (*rig.viewers, rig.display) for side in (part.width, part.height))
     return (*images, n_triangles.bit_length())
 
 
 def scene_by_uid(scene_uid: int) -> bpy.types.Scene:
-    """The scene that has this session uid; it is shown in a window, so it is there."""
+    """The scene with this session uid, which a window shows."""
     return next(scene for scene in bpy.data.scenes if scene.session_uid == scene_uid)

@@ -1,8 +1,8 @@
-"""Long work of operators: stepped with Esc in the interface, drained elsewhere.
+"""Long work of operators: stepped with Esc in the interface, run to the end elsewhere.
 
-Blender asks modal operators before it asks its keymaps, so an operator that lets an event pass does
-not know what becomes of it. So the user's own keymaps are asked here: an event passes if all they
-make of it is another view.
+Blender asks modal operators before its keymaps, so an operator that passes an event on does not
+know its effect. The user's keymaps are therefore looked up here: an event passes if it only changes
+the view.
 """
 
 import re
@@ -25,8 +25,7 @@ VIEWS = re.compile(
     r"|view_(all|axis|camera|center_camera|center_lock|center_pick|orbit|pan|persportho|roll|selected))"
     r"|view2d\.\w+|image\.view_\w+"
 )
-# keymaps that see what is done in the main region of an editor;
-# left and right button are gizmos', too, and edit
+# Keymaps of the main region of an editor; left and right button also belong to gizmos and editing.
 KEYMAPS = {
     "VIEW_3D": (
         "3D View",
@@ -42,14 +41,12 @@ KEYMAPS = {
 POINTING = ("MIDDLEMOUSE", "WHEEL", "TRACKPAD", "MOUSEROTATE", "MOUSESMARTZOOM", "NDOF_MOTION")
 KEYS = ("NUMPAD_", "HOME", "NDOF_BUTTON_")
 SCROLLING = ("WHEEL", "TRACKPADPAN")
-# a view turns smoothly by timers
+# timers animate smooth view changes
 ALWAYS = ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "WINDOW_DEACTIVATE", "TIMER")
 
 
 def only_looks(context: bpy.types.Context, event: bpy.types.Event) -> bool:
-    """Does an event, wherever in the window it is meant for,
-    change no more than the view of the scene?
-    """
+    """Whether an event, anywhere in the window, changes at most the view of the scene."""
     if event.type.startswith(ALWAYS):
         return True
 
@@ -58,14 +55,14 @@ def only_looks(context: bpy.types.Context, event: bpy.types.Event) -> bool:
         return False
 
     if region.type != "WINDOW" or area.type not in KEYMAPS:
-        # with a modifier a wheel changes the number under it
+        # with a modifier a wheel changes the number under the pointer
         is_plain = not (event.ctrl or event.alt or event.shift or event.oskey)
         return event.type.startswith(SCROLLING) and is_plain
 
     if not event.type.startswith(POINTING + KEYS):
         return False
     if area.type == "VIEW_3D" and area.spaces.active.lock_camera:
-        return False  # the camera goes where the view goes
+        return False  # the camera moves with the view
 
     found = meant(context.window_manager, KEYMAPS[area.type], event)
     if "view3d.view_camera" in found and context.scene.camera is None:
@@ -77,9 +74,9 @@ def only_looks(context: bpy.types.Context, event: bpy.types.Event) -> bool:
 def under_mouse(
     window: bpy.types.Window, event: bpy.types.Event
 ) -> tuple[bpy.types.Area | None, bpy.types.Region | None]:
-    """The area and the region that an event of this window goes to.
+    """Area and region that receive an event of this window.
 
-    Regions may lie over the main one.
+    Regions may overlap the main one.
     """
     x, y = event.mouse_x, event.mouse_y
     for area in window.screen.areas:
@@ -92,7 +89,7 @@ def under_mouse(
 def meant(
     manager: bpy.types.WindowManager, names: tuple[str, ...], event: bpy.types.Event
 ) -> set[str]:
-    """The operators, if any, that these of the user's keymaps have for an event."""
+    """Operators that the given user keymaps bind to an event."""
     keymaps = (manager.keyconfigs.user.keymaps.get(name) for name in names)
     items = (keymap.keymap_items.match_event(event) for keymap in keymaps if keymap is not None)
     return {item.idname for item in items if item is not None}
@@ -100,15 +97,15 @@ def meant(
 
 Result = TypeVar("Result")
 
-TICK = 0.02  # s between two turns of work in the interface
-SILENT = 5.0  # s between two lines of progress on the terminal
-TURN = 0.1  # s that a turn may take before the interface is drawn again and Esc is heard
+TICK = 0.02  # s between turns of work in the interface
+SILENT = 5.0  # s between lines of progress on the terminal
+TURN = 0.1  # s of a turn before the interface redraws and Esc is heard
 
 
 def _on_terminal(
     label: str, steps: Generator[float, None, Result]
 ) -> Generator[float, None, Result]:
-    """Hand on the progress of work, and print it every few seconds."""
+    """Pass on the progress of work, and print it every few seconds."""
     last = perf_counter()
     while True:
         try:
@@ -125,8 +122,8 @@ def _on_terminal(
 def _at_pointer(
     context: bpy.types.Context, label: str, steps: Generator[float, None, Result]
 ) -> Generator[float, None, Result]:
-    """Hand on the progress of work, and show it at the mouse pointer, since nothing else is drawn,
-    or on the terminal if there is no window.
+    """Pass on the progress of work, and show it at the mouse pointer, or on the terminal without
+    window.
     """
     if bpy.app.background or context.window is None:
         return (yield from _on_terminal(label, steps))
@@ -148,9 +145,10 @@ def _at_pointer(
 class LongWork:
     """Mix-in for an operator with long work: stepped with Esc in the interface, drained elsewhere.
 
-    `steps` yields progress 0..1 and returns the sentence to report; before its last step it changes
-    nothing but what `stays` names, and that only where somebody watches.
-    level : of the report at the end, which `steps` may raise
+    `steps` yields progress 0..1 and returns the report. Before its last step it changes only what
+    `stays` names, and only in the interface.
+
+    level : of the report, which `steps` may raise
     progress : 0 to 1, shown in the first panel
     """
 
@@ -159,11 +157,11 @@ class LongWork:
 
     @property
     def is_watched(self) -> bool:
-        """Is the work stepped in the interface?"""
+        """Whether the work is stepped in the interface."""
         return self in work._running
 
     def stays(self) -> str:
-        """The thing that would stay if the work were stopped now, as "a thing", '' for nothing."""
+        """What would remain if the work stopped now, as "the thing"; '' for nothing."""
         return ""
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
@@ -180,7 +178,7 @@ class LongWork:
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        if work._running:  # in another window: in its own no other button is heard
+        if work._running:  # in another window; its own window hears no other button
             report(self, "WARNING", Message("{reason}.", reason=needed.AT_WORK))
             return {"CANCELLED"}
 
@@ -198,7 +196,7 @@ class LongWork:
         return {"RUNNING_MODAL"}
 
     def _begin(self, context: bpy.types.Context) -> None:
-        """Have undo of this work return to what Live has written."""
+        """Make undo of this work return to what Live has written."""
         if "UNDO" in self.bl_options:
             live.push_undo(context.scene)
 
@@ -208,7 +206,7 @@ class LongWork:
             return self._stopped()
 
         if event.type != "TIMER":
-            # no other key or button may change the scene meanwhile
+            # No other key or button may change the scene in the meantime.
             return {"PASS_THROUGH"} if only_looks(context, event) else {"RUNNING_MODAL"}
 
         end = perf_counter() + TURN
@@ -217,10 +215,10 @@ class LongWork:
         with errors_reported(self, self.stays):
             try:
                 if self._rig is not None:
-                    self._rig.name  # noqa: B018 - undo, which may have replaced it, ends the work
+                    self._rig.name  # noqa: B018 - raises if undo has replaced the scene
                 stays = self.stays()
                 progress = next(self._work)
-                # a new image is drawn at once
+                # draw a new image at once
                 while perf_counter() < end and self.stays() == stays:
                     progress = next(self._work)
                 self._show(context, progress)
@@ -233,7 +231,7 @@ class LongWork:
         return {"FINISHED"} if is_done or self.stays() else {"CANCELLED"}
 
     def _stopped(self) -> set[str]:
-        """Report a stop by Esc, and the thing that stays all the same."""
+        """Report a stop by Esc, and what was kept."""
         stays = self.stays()
         if not stays:
             report(self, "INFO", Message("Stopped. The scene is unchanged."))
@@ -249,12 +247,14 @@ class LongWork:
                 button=as_message(self.bl_label),
             ),
         )
-        # Blender makes an undo step of finished work
+        # Blender pushes an undo step for finished work.
         return {"FINISHED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop; Blender calls this too when it closes or loads another file meanwhile, and where a
-        dialogue is left before any work.
+        """Stop.
+
+        Blender also calls this when it closes, loads another file, or a dialogue is dismissed
+        before any work.
         """
         if not self.is_watched:
             return
@@ -282,7 +282,7 @@ class LongWork:
         work._running.remove(self)
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
-        if context.window is not None:  # it is being closed
+        if context.window is not None:  # the window is being closed
             context.workspace.status_text_set(None)
             for area in context.screen.areas:
                 area.tag_redraw()

@@ -1,8 +1,8 @@
-"""Looks over a scene for its checklist, beside the drawing of panels and never within it.
+"""Checks scenes for the checklist in a timer, never while panels are drawn.
 
-A panel asks for the entries and gets those of the last look. That it asks has a timer look again,
-and Blender draws panels whenever something changes. Meshes are looked at one by one, when they have
-been left alone for a while, and again only when Blender tells that they changed.
+A panel requests the findings and gets those of the last check; the request makes the timer check
+again. Meshes are checked one by one, once they have been unchanged for a while, and again only
+after Blender reports a change.
 """
 
 from collections.abc import Iterable
@@ -30,20 +30,20 @@ from ..core.blender.data.units import length_text
 from ..core.blender.read.shapes import ShapeCache, reshaped
 from . import needed, telling, watch, windows, work
 
-TICK = 0.2  # s between two turns
-QUIET = 0.4  # s without a change of a mesh before it is looked at
-SHARE = 5.0  # times as long as the last look at a mesh took it has to be quiet
-RESTING = 50.0  # times as long as a look took there is none at the same scene
+TICK = 0.2  # s between turns
+QUIET = 0.4  # s without changes before a mesh is checked
+SHARE = 5.0  # required quiet time, relative to the time of the last check of a mesh
+RESTING = 50.0  # pause of a scene's checks, relative to the time of a check
 
 
 @dataclass(eq=False)
 class Looked:
-    """A scene that was looked at.
+    """A checked scene.
 
-    meshes : those of objects by session uid; one that has changed is not among them
+    meshes : findings of objects' meshes by session uid, without changed ones
     rig : session uid of the rig that was active
-    asked : has a panel asked since the last look?
-    is_whole : are all meshes known that are there?
+    asked : whether a panel has requested findings since the last check
+    is_whole : whether all meshes are checked
     """
 
     entries: list[Entry] = field(default_factory=list)
@@ -54,15 +54,15 @@ class Looked:
     rests_until: float = 0.0
     changed_at: float = 0.0
     lasted: float = 0.0
-    moved_at: float = -inf  # when entries came or went, and moved the buttons of others
+    moved_at: float = -inf  # time when findings came or went, and moved other buttons
 
     @property
     def is_quiet(self) -> bool:
-        """Have meshes been left alone for a while?"""
+        """Whether meshes have been unchanged for long enough."""
         return monotonic() - self.changed_at >= max(QUIET, SHARE * self.lasted)
 
     def forget(self, uids: Iterable[int]) -> None:
-        """Have meshes of objects be looked at anew."""
+        """Mark meshes of objects for another check."""
         for uid in uids:
             self.meshes.pop(uid, None)
         self.asked, self.is_whole = True, False
@@ -72,10 +72,10 @@ _looked: dict[int, Looked] = {}  # by session uid of the scene
 
 
 def found(context: bpy.types.Context) -> list[Entry]:
-    """The entries of the last look at the active rig; none before the timer's first look at it.
+    """Findings of the last check of the active rig; none before the first one.
 
-    A new rig may not be in the view layer yet while it is drawn, and would seem to have no parts.
-    In the background no timer runs, and each call looks.
+    A new rig may not be in the view layer yet when it is drawn, and would seem to have no parts. In
+    background no timer runs, so each call checks.
     """
     looked = _looked.setdefault(context.scene.session_uid, Looked())
     if bpy.app.background:
@@ -88,7 +88,7 @@ def found(context: bpy.types.Context) -> list[Entry]:
 
 
 def have_moved(scene: bpy.types.Scene) -> bool:
-    """Have buttons just moved, so that a double click on one would press another, too?"""
+    """Whether buttons have just moved, so that a double click might press another one."""
     looked = _looked.get(scene.session_uid)
     return looked is not None and monotonic() < looked.moved_at + _double_click()
 
@@ -98,25 +98,25 @@ def _double_click() -> float:
 
 
 def is_looking(scene: bpy.types.Scene) -> bool:
-    """Is a mesh still to be looked at, so that nobody knows whether there is more to do?"""
+    """Whether a mesh is still unchecked."""
     return scene.session_uid in _looked and not _looked[scene.session_uid].is_whole
 
 
 def inspect_again(scene: bpy.types.Scene) -> None:
-    """Have the timer look a scene over at once, for another of its rigs is active."""
+    """Check a scene at the next turn, because another of its rigs is active."""
     if scene.session_uid in _looked:
         _looked[scene.session_uid].asked, _looked[scene.session_uid].rests_until = True, 0.0
 
 
 def look_now(context: bpy.types.Context) -> list[Entry]:
-    """Look over a scene at once, with all of its meshes."""
+    """Check a scene now, with all of its meshes."""
     looked = _whole(context)
     _look(looked, context.scene, is_whole=True)
     return looked.entries
 
 
 def read_to_solve(context: bpy.types.Context) -> Any:
-    """The scene as it is read, with its fingerprint for the result, and findings in the notes."""
+    """The scene as read, with its fingerprint for the result, and findings among the notes."""
     kept = ShapeCache()
     reading = work.read(context, kept)
     notes = tuple(dict.fromkeys([*reading.notes, *findings(context)]))
@@ -124,7 +124,7 @@ def read_to_solve(context: bpy.types.Context) -> Any:
 
 
 def findings(context: bpy.types.Context) -> list[str]:
-    """What the checklist knows of the glass, in the background, where no panel shows it."""
+    """Findings on the glass for background mode, which has no panels."""
     if not bpy.app.background:
         return []
     look = _seen(_whole(context), context.scene)
@@ -132,7 +132,7 @@ def findings(context: bpy.types.Context) -> list[str]:
 
 
 def _whole(context: bpy.types.Context) -> Looked:
-    """A scene with all of its meshes looked at."""
+    """A scene with all of its meshes checked."""
     looked = _looked.setdefault(context.scene.session_uid, Looked())
     context.view_layer.update()
     while things := _unknown(looked, context):
@@ -142,9 +142,9 @@ def _whole(context: bpy.types.Context) -> Looked:
 
 
 def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
-    """All but the meshes.
+    """Check everything but the meshes.
 
-    is_whole : is none of those left to be looked at? Else it is done again, drawn or not.
+    is_whole : whether all meshes are checked; otherwise the check is repeated, drawn or not
     """
     started = perf_counter()
     look = _seen(looked, scene)
@@ -155,7 +155,7 @@ def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
 
 
 def _seen(looked: Looked, scene: bpy.types.Scene) -> Inspection:
-    """A scene as its checklist needs it, with the meshes that were looked at."""
+    """A scene as its checklist needs it, with the checked meshes."""
     found = needed.parts(scene)
     look = inspect(
         scene,
@@ -168,7 +168,7 @@ def _seen(looked: Looked, scene: bpy.types.Scene) -> Inspection:
 
 
 def _unknown(looked: Looked, context: bpy.types.Context) -> list[bpy.types.Object]:
-    """The objects whose meshes are still to be looked at."""
+    """Objects whose meshes are still unchecked."""
     layer = context.view_layer
     return [
         thing
@@ -185,19 +185,19 @@ def _look_at_mesh(looked: Looked, context: bpy.types.Context, thing: bpy.types.O
 
 
 def tick() -> float:
-    """Called by the timer."""
+    """Timer callback."""
     try:
         _turn()
     except Exception as error:
-        telling.sentence(error, Message("The checklist"))  # prints errors that were not foreseen
-        for looked in _looked.values():  # nothing is known to be looked at next
+        telling.sentence(error, Message("The checklist"))  # prints unexpected errors
+        for looked in _looked.values():  # nothing is scheduled
             looked.is_whole = True
         return watch.PATIENCE
     return TICK
 
 
 def _turn() -> None:
-    """One look at one of the scenes whose panel asks for it."""
+    """One check of one of the scenes whose panel requests it."""
     if work.is_busy():
         return
     for window in windows.all_windows():
@@ -209,7 +209,8 @@ def _turn() -> None:
             return
 
         with bpy.context.temp_override(window=window):
-            # asked once: else the quiet may begin in between, and no mesh was looked at
+            # Evaluated once: otherwise the quiet time might begin in between without a mesh being
+            # checked.
             is_quiet = looked.is_quiet
             things = _unknown(looked, bpy.context) if is_quiet else []
             for thing in things[:1]:
@@ -227,7 +228,7 @@ def _turn() -> None:
 
 @persistent
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Forget the meshes that Blender evaluated anew."""
+    """Forget meshes that Blender has evaluated again."""
     anew = reshaped(depsgraph) if _looked else []
     uids = [thing.session_uid for thing in anew if thing.kiriko.role in CHECKED]
     for looked in _looked.values():
@@ -239,14 +240,14 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """Any mesh may be another one."""
+    """Forget all meshes."""
     for looked in _looked.values():
         looked.forget(list(looked.meshes))
 
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file."""
+    """Handle another file."""
     _looked.clear()
 
 
@@ -259,11 +260,11 @@ HANDLERS = (
 
 
 def register() -> None:
-    """Begin to look."""
+    """Start the timer."""
     work.follow(tick, TICK, HANDLERS)
 
 
 def unregister() -> None:
-    """Look no more."""
+    """Stop the timer."""
     work.stop_following(tick, HANDLERS)
     _looked.clear()

@@ -1,4 +1,4 @@
-"""Make a part anew that the rig lacks, as after deleting it; or have an object be that part."""
+"""Make Part: a new part for one that is missing, or another object in its place."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -80,7 +80,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         pixels: tuple[int, int],
         width: float,
     ) -> Generator[float, None, float]:
-        """How many times as large a display or picture has to be; 1 where nothing tells."""
+        """Factor for the size of a display or picture; 1 if unknown."""
         if self.role not in {"DISPLAY", "PICTURE"}:
             return 1.0
         settings = work.settings_of(scene)
@@ -94,9 +94,9 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         try:
             rig.check()
             fitted = yield from fit(rig, lambda rig: work.session().plan(rig, settings))
-        except KirikoError:  # the checklist tells what else is missing
+        except KirikoError:  # the checklist reports whatever else is missing
             return 1.0
-        # as large as the picture is it shows where it is, without a plate
+        # without a plate the display is at the picture, and as large
         return fitted.size if rig.plates or self.role == "PICTURE" else max(fitted.size, 1.0)
 
     def _made(
@@ -107,7 +107,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         pixels: tuple[int, int],
         metres: float,
     ) -> bpy.types.Object:
-        """The object, in the rig's collection, as Remove Rig will find it."""
+        """The object, linked to the rig's collection so that Remove Rig finds it."""
         rig = active_rig(scene)
         made = Workbench(scene, "", rig or scene.collection)
         at = in_units(stand.frame, metres)

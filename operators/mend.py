@@ -1,4 +1,4 @@
-"""Mend a part: the buttons of the checklist that change an object, its mesh or the scene's unit."""
+"""Buttons of the checklist that change an object, its mesh, or the scene's unit."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -24,16 +24,16 @@ from . import needed, telling, work
 from .framing import corners
 from .part_verbs import NamesPart
 
-JOINED = 1e-5  # of a mesh's size: vertices nearer than this are merged
-THICKNESS = 0.1  # of its width: a thickness that a flat glass gets
+JOINED = 1e-5  # of a mesh's size: closer vertices are merged
+THICKNESS = 0.1  # of its width: thickness for flat glass
 WALL = 0.03  # of its width: the walls of a vessel that is drawn as one surface
 SHARP = radians(30)
 
 
 class MendsPart(NamesPart):
-    """Mix-in for an operator that mends an object: `mend` does it and returns the sentence.
+    """Mix-in for an operator that repairs an object: `mend` does it and returns the report.
 
-    may_be_linked : does it mend an object of another file, too?
+    may_be_linked : whether it works on an object of another file as well
     """
 
     bl_options = {"REGISTER", "UNDO"}
@@ -55,13 +55,13 @@ class MendsPart(NamesPart):
 
 
 def _check_own(thing: bpy.types.Object, block: bpy.types.ID) -> None:
-    """Refuse what another file holds of an object, under the name that the artist knows."""
+    """Refuse a linked object or mesh, under the name the artist sees."""
     if not block.is_editable:
         raise RigError("'{name}' is linked from another file: change it there.", name=thing.name)
 
 
 def _check_faces(thing: bpy.types.Object, has_faces: object) -> None:
-    """MeshError where there is nothing to mend."""
+    """Raise MeshError if there is nothing to repair."""
     if not has_faces:
         raise MeshError(
             "'{name}' has no faces of its own: apply the modifiers that make them.",
@@ -105,8 +105,9 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
 
 
 class MendsMesh(MendsPart):
-    """Mix-in for an operator that changes an object's own faces by Blender's operators on meshes:
-    `mend_mesh` does it and returns the sentence.
+    """Mix-in for an operator that changes an object's own faces with Blender's mesh operators.
+
+    `mend_mesh` does it and returns the report.
     """
 
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
@@ -124,7 +125,7 @@ class MendsMesh(MendsPart):
 
 @contextmanager
 def _edited(mesh: bpy.types.Mesh) -> Iterator[bmesh.types.BMesh]:
-    """A mesh as bmesh has it, to be changed; the mesh is changed at the end."""
+    """A mesh as bmesh; changes are written back at the end."""
     shape = bmesh.new()
     try:
         shape.from_mesh(mesh)
@@ -136,7 +137,7 @@ def _edited(mesh: bpy.types.Mesh) -> Iterator[bmesh.types.BMesh]:
 
 
 def _merge(mesh: bpy.types.Mesh) -> None:
-    """Merge vertices by distance, and dissolve what has no area."""
+    """Merge vertices by distance, and dissolve degenerate faces."""
     distance = JOINED * float(np.ptp(column(mesh.vertices, "co", 3, np.float32), axis=0).max())
     with _edited(mesh) as shape:
         bmesh.ops.remove_doubles(shape, verts=shape.verts[:], dist=distance)
@@ -144,9 +145,7 @@ def _merge(mesh: bpy.types.Mesh) -> None:
 
 
 def _turn_out(mesh: bpy.types.Mesh) -> None:
-    """Recalculate the faces' sides, if any are wrong. Normals that the mesh was given, which are
-    wrong there, are its own again.
-    """
+    """Recalculate normals if any face is flipped; custom normals are cleared then."""
     had_normals = _clear_normals(mesh)
     counts = counts_of(mesh)
     if counts.n_turned or counts.is_inside_out:
@@ -157,7 +156,9 @@ def _turn_out(mesh: bpy.types.Mesh) -> None:
 
 
 def _clear_normals(mesh: bpy.types.Mesh) -> bool:
-    """Take custom normals from a mesh, and the sharp edges that come with them; had it any?"""
+    """Remove custom normals and the sharp edges that come with them; returns whether there were
+    any.
+    """
     if not mesh.has_custom_normals:
         return False
     with bpy.context.temp_override(mesh=mesh):
@@ -168,7 +169,7 @@ def _clear_normals(mesh: bpy.types.Mesh) -> bool:
 
 
 def _mark_sharp(mesh: bpy.types.Mesh) -> None:
-    """Mark edges at more than 30 degrees as sharp, too."""
+    """Also mark edges above 30 degrees as sharp."""
     own = column(mesh.edges, "use_edge_sharp", 1, bool)
     mesh.set_sharp_from_angle(angle=SHARP)
     mesh.edges.foreach_set("use_edge_sharp", own | column(mesh.edges, "use_edge_sharp", 1, bool))
@@ -293,11 +294,11 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
 
 
 def _keep_bench(context: bpy.types.Context, before: float, after: float) -> bool:
-    """Move what Add Rig made, where the scene's unit (m) was changed, to the distances that it has
-    from glass of the new size. Returns whether anything was moved.
+    """Move parts from Add Rig to suit the glass after a change of the scene's unit (m).
 
-    Distances and the plate grow with glass that is larger than `REFERENCE_BENCH.large_m`; the
-    picture, the viewer's field, and a display without a plate are always as the glass is.
+    Returns whether anything moved. Distances and the plate grow with glass above
+    `REFERENCE_BENCH.large_m`; the picture, the viewer's field, and a display without a plate always
+    follow the glass.
     """
     scene = context.scene
     rig = active_rig(scene)
@@ -312,7 +313,7 @@ def _keep_bench(context: bpy.types.Context, before: float, after: float) -> bool
         return False
 
     plates = parts.get("PLATE", ())
-    # the display is the picture's mirror image in a plate; without one it stays at the glass
+    # The display is the picture's image in the plate; without a plate it stays at the glass.
     middle = np.array(next(iter(pictures)).matrix_world.translation)
     if not plates:
         points = np.concatenate([corners(thing) for thing in glasses])
@@ -330,6 +331,6 @@ def _keep_bench(context: bpy.types.Context, before: float, after: float) -> bool
             thing.data.lens *= factor
             thing.data.stereo.convergence_distance *= factor
     if plates:
-        with suppress(RuntimeError):  # no light arrives: the checklist tells why
+        with suppress(RuntimeError):  # no light arrives; the checklist reports why
             bpy.ops.kiriko.fit_display()
     return True

@@ -1,4 +1,4 @@
-"""The parts that a rig has and still lacks, and the reason why a button is grey."""
+"""Parts of a rig that exist or are missing, and reasons why a button is disabled."""
 
 from time import monotonic
 
@@ -41,22 +41,21 @@ COMING = Message("Rough preview; still solving...")
 NUMBERLESS = Message("The source image isn't final: press Solve, or let Live finish")
 MEASURING = Message("Final image; still measuring...")
 LINKED = Message("The scene is linked: open its file, or make it local")
-LONG = 1e-3  # s: a look for a rig that took longer is not repeated at once
-RESTING = 30.0  # times as long as it took
-_answers: dict[
-    int, tuple[bool, float]
-] = {}  # by session uid of the scene, and until when it counts
-# names of all that could be parts as a scene was last looked at as a whole, by its session uid
+LONG = 1e-3  # s: a slower search for a rig is not repeated at once
+RESTING = 30.0  # pause, relative to the time of the search
+_answers: dict[int, tuple[bool, float]] = {}  # by session uid of the scene, with an expiry time
+# names of possible parts at the last complete search, by session uid of the scene
 _met: dict[int, list[str]] = {}
 Parts = dict[str, dict[bpy.types.Object, str]]  # by role, each with what hides it
 MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
 
 
 def parts(scene: bpy.types.Scene, is_left_out: LeftOut | None = None) -> Parts:
-    """Objects of the active rig by role, those in instanced collections too, each with what hides
-    it, '' if shown; by NO_PART those that can have no role.
+    """Objects of the active rig by role, with what hides each ('' if visible).
 
-    is_left_out : tells objects that are not looked at; None: those of other rigs
+    Objects of instanced collections are included; objects that can have no role are under NO_PART.
+
+    is_left_out : predicate for objects to skip; None skips those of other rigs
     """
     things = [thing for thing in scene.objects if may_be_part(thing)]
     _met[scene.session_uid] = [thing.name for thing in things]
@@ -64,7 +63,7 @@ def parts(scene: bpy.types.Scene, is_left_out: LeftOut | None = None) -> Parts:
 
 
 def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
-    """The active object where it is a picture, and no other rig's, else the rig's only one."""
+    """The active object if it is this rig's picture, otherwise the rig's only one."""
     active = context.active_object
     is_picture = active is not None and active.kiriko.role == "PICTURE"
     if is_picture and not elsewhere(context.scene)(active):
@@ -74,8 +73,8 @@ def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 def parts_met(scene: bpy.types.Scene) -> Parts:
-    """The parts that are shown of those that were there as all objects were last looked at, which
-    takes long among thousands.
+    """Visible parts among those of the last complete search, which is slow with thousands of
+    objects.
     """
     layer = layer_of(scene)
     things = map(bpy.data.objects.get, _met.get(scene.session_uid, ()))
@@ -83,12 +82,12 @@ def parts_met(scene: bpy.types.Scene) -> Parts:
 
 
 def has_part(scene: bpy.types.Scene, role: str) -> bool:
-    """Has any part of the active rig this role?"""
+    """Whether any part of the active rig has this role."""
     return role in parts_met(scene) or role in parts(scene)
 
 
 def may_be_part(thing: bpy.types.Object) -> bool:
-    """Has an object a role, or does it show a collection whose objects may have some?"""
+    """Whether an object has a role, or shows a collection whose objects may have one."""
     return thing.kiriko.role != "NONE" or thing.instance_collection is not None
 
 
@@ -115,7 +114,7 @@ def _parts_among(
         if thing.kiriko.role != "NONE":
             role = NO_PART if bodiless(thing) else thing.kiriko.role
             things = found.setdefault(role, {})
-            things[thing] = by and things.get(thing, by)  # shown once is shown
+            things[thing] = by and things.get(thing, by)  # one visible instance is enough
 
         if thing.instance_collection is not None:
             todo.extend((other, False, by) for other in thing.instance_collection.all_objects)
@@ -124,10 +123,10 @@ def _parts_among(
 
 
 def has_rig(scene: bpy.types.Scene) -> bool:
-    """Is there a part of a rig, or at least a result of one?
+    """Whether there is a part of a rig, or at least a result.
 
-    Every panel asks at each move of the mouse. With a rig one of the first objects answers; among
-    thousands of others the answer that took long is kept for a while.
+    Every panel asks at each mouse move. With a rig, one of the first objects answers; a slow answer
+    among thousands of objects is cached for a while.
     """
     if scene.kiriko.result.source is not None:
         return True
@@ -149,32 +148,33 @@ def has_rig(scene: bpy.types.Scene) -> bool:
 
 
 def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
-    """The view layer in which a scene is worked on."""
+    """The view layer in which a scene is edited."""
     return bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]
 
 
 def missing(scene: bpy.types.Scene) -> list[str]:
-    """One phrase for each part that the rig still lacks, or that is hidden."""
+    """One phrase for each part that is missing or hidden."""
     return list(missing_by_role(scene).values())
 
 
 def _is_there(viewer: bpy.types.Object | None, scene: bpy.types.Scene) -> bool:
-    """Is a viewer one of a scene's objects? A camera that was deleted stays chosen. The scene's own
-    camera may lie in another scene.
+    """Whether a viewer is among a scene's objects.
+
+    A deleted camera stays chosen, and the scene's own camera may be in another scene.
     """
     if viewer is None or is_deleted(viewer):
         return False
     if viewer == scene.camera or any(viewer == one for one, _ in instanced_viewers(scene)):
         return True
-    # one of another file may have the same name: the name finds either
+    # The name alone may find an object of another file.
     found = scene.objects.get(viewer.name)
     return found is not None and (viewer == found or bool(found.library or viewer.library))
 
 
 def has_lost_plate(scene: bpy.types.Scene) -> bool:
-    """Was the plate of a scene's active rig deleted? One whose role is None was put out of use.
+    """Whether the plate of the active rig was deleted; with the role None it was only switched off.
 
-    Its name is one in the language of when it was made.
+    Its name is in the language of its creation.
     """
     rig = active_rig(scene)
     if rig is None or not rig.kiriko.has_plate:
@@ -185,26 +185,25 @@ def has_lost_plate(scene: bpy.types.Scene) -> bool:
 
 
 def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
-    """Parts that the rig lacks, by role, and a phrase on each.
+    """Missing parts by role, each with a phrase.
 
-    Every button asks at each redraw. Where those that were met last are all that is needed, no
-    other object could change the answer; but a role that is missed where all of it is hidden has to
-    be among them.
+    Every button asks at each redraw. If the parts found last are complete, no other object can
+    change the answer; a role that is missing when all of it is hidden has to be among them.
     """
     return missing_of(scene, _parts_to_tell(scene))
 
 
 def _parts_to_tell(scene: bpy.types.Scene) -> Parts:
-    """The parts as they were met last, where none is missing among them; else all."""
+    """The parts found last if none is missing, otherwise all."""
     met = parts_met(scene)
     return met if met.keys() >= MISSED and not missing_of(scene, met) else parts(scene)
 
 
 def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
-    """The same of a rig whose parts were found."""
+    """Missing parts of a rig whose parts were found."""
     ours = scene.kiriko
     there = {role for role, things in found.items() if not all(things.values())}
-    # of several viewers the reading tells which one is not there
+    # with several viewers, reading reports the missing one
     if len(ours.viewers) or _is_there(viewer_of(scene), scene):
         there.add("VIEWER")
 
@@ -228,8 +227,9 @@ def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
 
 
 def missing_parts(scene: bpy.types.Scene) -> list[str]:
-    """Missing parts that cannot be there all the same, for modifiers may instance objects from
-    anywhere in a file; then parts that are too many, or can be none.
+    """Problems with parts: missing ones, surplus ones, and objects that cannot be parts.
+
+    A part is not missing if modifiers may instance it from elsewhere in the file.
     """
     found = _parts_to_tell(scene)
     lacks = missing_of(scene, found)
@@ -242,41 +242,41 @@ def missing_parts(scene: bpy.types.Scene) -> list[str]:
 
 
 def pictureless(scene: bpy.types.Scene) -> list[str]:
-    """The reason why the picture's plane shows none."""
+    """Reason why the picture's plane shows no picture."""
     planes = parts_met(scene).get("PICTURE", {})
     return [why for thing in planes if (why := why_no_picture(scene, thing))]
 
 
 def edited(context: bpy.types.Context) -> bool:
-    """Is light's way edited, of whose shape nobody knows before that is over?"""
+    """Whether glass is in Edit Mode, so that its shape is unknown."""
     thing = context.active_object
     return thing is not None and thing.mode == "EDIT" and thing.kiriko.role in CHECKED
 
 
 def sculpting(context: bpy.types.Context) -> list[str]:
-    """The reason why a part has not the shape it seems to have, as long as it is sculpted."""
+    """Reason for an unknown shape during sculpting."""
     thing = context.active_object
     is_sculpted = thing is not None and thing.mode == "SCULPT" and thing.kiriko.role != "NONE"
     return [LEAVE_SCULPT_MODE] if is_sculpted else []
 
 
 def no_plate(scene: bpy.types.Scene) -> list[str]:
-    """The reason why nothing can be told of a plate's mirrors, where there is no plate."""
+    """Reason to disable functions of a plate's mirrors if there is no plate."""
     return [] if has_part(scene, "PLATE") or has_makers(scene) else [NO_MIRRORS]
 
 
 def has_makers(scene: bpy.types.Scene) -> bool:
-    """Has any object a modifier that may instance parts from anywhere in the file?"""
+    """Whether any object has a modifier that may instance parts from elsewhere in the file."""
     return any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers)
 
 
 def linked(scene: bpy.types.Scene) -> list[str]:
-    """The reason why a scene cannot be changed, where it is another file's."""
+    """Reason why a scene from another file cannot be changed."""
     return [] if scene.is_editable else [LINKED]
 
 
 def unsolved(scene: bpy.types.Scene) -> list[str]:
-    """The reason why nothing can be done with a source image, where there is none."""
+    """Reason to disable functions of the source image if there is none."""
     result = scene.kiriko.result
     if result.source is None:
         return [UNSOLVED]
@@ -286,10 +286,10 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
 
 
 def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
-    """The answer of `poll`: are there no reasons, phrases or sentences, against it?
-    The first one is told where the button is grey.
+    """Result of `poll`: whether there are no reasons against it; the first reason becomes the
+    tooltip.
 
-    In a scene of another file no operator works that changes the scene, and so can be undone.
+    Operators that change the scene, and can be undone, do not work in a scene of another file.
     """
     if "UNDO" in getattr(operator, "bl_options", ()):
         reasons = [*linked(bpy.context.scene), *reasons]

@@ -1,4 +1,4 @@
-"""Open example: a rig to begin with, as a file that has no name yet."""
+"""Open Example: a ready rig as a new, unsaved file."""
 
 from pathlib import Path
 
@@ -16,11 +16,11 @@ EXAMPLES = (
     ("BOTTLE", "Bottle", "A hollow bottle by Screw and Subdivision", "MESH_CYLINDER", 3),
 )
 WAIT = 0.1  # s until the new file's windows can be framed
-_asked: list[str] = []  # the example that is to be opened, once the artist has said so
+_asked: list[str] = []  # the example to open after the artist has confirmed
 
 
 def path_of(example: str) -> Path:
-    """The file of an example."""
+    """File of an example."""
     return FOLDER / f"example_{example.lower()}.blend"
 
 
@@ -34,8 +34,9 @@ def _frame() -> None:
 
 @persistent
 def on_load(path: str, *_: object) -> None:
-    """An example is there: also after the question whether to save changes, which comes before. It
-    has no name, as a new file has none.
+    """Handle a loaded example, after the question whether to save changes.
+
+    It has no file name, like a new file.
     """
     is_example = bool(_asked) and not path
     _asked.clear()
@@ -80,12 +81,12 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
         return self._open("EXEC_DEFAULT")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        return self._open("INVOKE_DEFAULT")  # which asks whether to save changes
+        return self._open("INVOKE_DEFAULT")  # asks whether to save changes
 
     def _open(self, how: str) -> set[str]:
         path = path_of(self.example)
         with telling.errors_reported(self):
-            # as a startup file: Save asks for a name, and the example stays as it is
+            # As a startup file: Save asks for a name, so the example stays unchanged.
             _asked[:] = [self.example]
             bpy.ops.wm.read_homefile(how, filepath=str(path), load_ui=False)
             return {"FINISHED"}
@@ -93,11 +94,11 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
 
 
 def register() -> None:
-    """Begin to listen for new files."""
+    """Start listening for new files."""
     work.listen(HANDLERS)
 
 
 def unregister() -> None:
-    """Listen no more."""
+    """Stop listening."""
     work.stop_listening(HANDLERS)
     _asked.clear()

@@ -1,5 +1,6 @@
-"""Manual: opens the pages that came with Kiriko in the browser; F1 over a button or a setting, and
-Online Manual in its menu, open the place that tells of it. Nothing is asked of the network.
+"""Manual: opens the bundled pages in the browser, without network.
+
+F1 over a button or a setting, and Online Manual in its menu, open the matching place.
 """
 
 from pathlib import Path
@@ -10,29 +11,27 @@ from ..core.base.errors import KirikoError
 from ..core.base.messages import Message
 from . import needed, telling
 
-# `dev.py build` makes it from docs/manual: each language but English in a folder of its own
+# `dev.py build` makes it from docs/manual, with a folder for each language but English.
 FOLDER = Path(__file__).resolve().parent.parent / "manual"
-PLACES = "at"  # the folder with a small page for each button and setting, which leads on
+PLACES = "at"  # folder with a redirecting page for each button and setting
 NOT_BUILT = Message("The manual is missing: install Kiriko from its zip")
 
 
 def language() -> str:
-    """The language of the interface, without its country."""
+    """Language of the interface, without its country."""
     return bpy.app.translations.locale.partition("_")[0]
 
 
 def pages() -> Path:
-    """The manual's folder in the language of the interface, in English where it has none."""
+    """The manual's folder in the language of the interface, otherwise in English."""
     own = FOLDER / language()
     return own if own.joinpath("index.html").is_file() else FOLDER
 
 
 def places() -> tuple[str, list[tuple[str, str]]]:
-    """For Blender's own lookup: a beginning of URLs, and Blender's name of each button and setting
-    with the rest of its URL.
+    """For Blender's own lookup: URL prefix, and pairs of a button's or setting's name and its URL.
 
-    Each has a page of its own, since Windows and macOS leave out the part of a file's URL that
-    tells the place in a page.
+    Each has its own page, because Windows and macOS drop the fragment of a file URL.
     """
     folder = pages() / PLACES
     return f"{folder.as_uri()}/", [(path.stem, path.name) for path in folder.glob("*.html")]
@@ -61,10 +60,10 @@ class KIRIKO_OT_open_manual(bpy.types.Operator):
 
 
 def register() -> None:
-    """Have Blender look here for buttons and settings."""
+    """Register the lookup of buttons and settings."""
     bpy.utils.register_manual_map(places)
 
 
 def unregister() -> None:
-    """Have it look no more."""
+    """Unregister it."""
     bpy.utils.unregister_manual_map(places)

@@ -1,4 +1,4 @@
-"""Surfaces in the scene that tell of a rig as it was when they were made."""
+"""Surfaces of visible range and eye box, and the rig each was made for."""
 
 from time import perf_counter
 
@@ -9,16 +9,16 @@ from ..core.blender.data.made_objects import made_surface
 
 RANGE = "Kiriko Visible Range"
 EYE_BOX = "Kiriko Eye Box"
-LABELS = {RANGE: Message("Visible Range"), EYE_BOX: Message("Eye Box")}  # of their buttons
-MADE_FOR = "kiriko_made_for"  # a surface's own property: the rig's fingerprint, as text
-PAUSE = 0.5  # s between two looks at all objects of a scene
+LABELS = {RANGE: Message("Visible Range"), EYE_BOX: Message("Eye Box")}  # labels of their buttons
+MADE_FOR = "kiriko_made_for"  # custom property of a surface: the rig's fingerprint, as text
+PAUSE = 0.5  # s between searches of all objects of a scene
 
-# by scene and name: looked at next, the object's name
+# by scene and surface: time of the next search, and the object's name
 _found: dict[tuple[int, str], tuple[float, str]] = {}
 
 
 def looked_up(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
-    """A surface of a scene; all objects are looked at once in a while only."""
+    """A surface of a scene; all objects are searched only once in a while."""
     key = scene.session_uid, name
     due, of_object = _found.get(key, (0.0, ""))
     if perf_counter() >= due:
@@ -29,18 +29,16 @@ def looked_up(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
 
 
 def made_for(scene: bpy.types.Scene, name: str) -> str:
-    """The rig that a surface was made for, as text; empty where there is none, or it is of an
-    earlier version.
-    """
+    """Fingerprint of the rig a surface was made for, as text; empty if unknown."""
     thing = looked_up(scene, name)
     return "" if thing is None else str(thing.get(MADE_FOR, ""))
 
 
 def rigs_made_for(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """The rigs that the scene's surfaces were made for, as text."""
+    """Fingerprints of the rigs the scene's surfaces were made for, as text."""
     return tuple(filter(None, (made_for(scene, name) for name in LABELS)))
 
 
 def forget() -> None:
-    """Look at all objects anew."""
+    """Search all objects again."""
     _found.clear()

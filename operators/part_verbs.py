@@ -1,4 +1,4 @@
-"""Select a part of the rig, or show one that is hidden: the lists of panels name parts by these."""
+"""Select or show a part of the rig from the panel's list."""
 
 import bpy
 
@@ -9,9 +9,9 @@ from . import needed, telling
 
 
 class NamesPart:
-    """Mix-in for an operator on an object that its button names.
+    """Mix-in for an operator on an object named by its button.
 
-    Names are one's own within a file; a linked object may have that of another one.
+    Names are unique within a file only, so a linked object also needs its library.
     """
 
     part: bpy.props.StringProperty(
@@ -28,7 +28,7 @@ class NamesPart:
         return needed.can_run(cls, [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE])
 
     def found(self, context: bpy.types.Context) -> bpy.types.Object:
-        """The object; RigError where there is none."""
+        """The object; RigError if it is gone."""
         thing = bpy.data.objects.get((self.part, self.library or None))
         if thing is None:
             raise RigError("The object '{name}' no longer exists.", name=self.part)
@@ -36,7 +36,7 @@ class NamesPart:
 
 
 def name_part(button: bpy.types.OperatorProperties, thing: bpy.types.Object) -> None:
-    """Have a button of such an operator name an object."""
+    """Set the object of such an operator's button."""
     button.part = thing.name
     button.library = "" if thing.library is None else thing.library.filepath
 
@@ -62,7 +62,7 @@ class KIRIKO_OT_select_part(NamesPart, bpy.types.Operator):
 
 
 def _selectable(context: bpy.types.Context, thing: bpy.types.Object) -> bpy.types.Object:
-    """An object that is shown, or the one that shows it as an instance."""
+    """A visible object, or the one that shows it as an instance."""
     shown = [other for other in context.view_layer.objects if is_visible(other)]
     makers = [
         other

@@ -1,4 +1,4 @@
-"""Preview: let Cycles, an independent renderer, make the viewer's image."""
+"""Preview: the viewer's image rendered by Cycles, an independent renderer."""
 
 from pathlib import Path
 
@@ -102,13 +102,13 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _start(self, context: bpy.types.Context) -> None:
-        """Begin to render."""
+        """Start to render."""
         try:
             self._preview = self._prepare(context)
         finally:
             context.workspace.status_text_set(None)
-        # Blender renders in a job of its own and puts no setting back
-        # after Esc; a temporary scene needs none put back
+        # Blender renders in its own job and restores no settings after Esc; a temporary scene needs
+        # no restoring.
         self._preview.scene.render.use_lock_interface = True
         bpy.ops.render.render("INVOKE_DEFAULT", scene=self._preview.scene.name, write_still=True)
 
@@ -120,7 +120,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
                     return {"RUNNING_MODAL"}
                 self.cancel(context)
                 return {"CANCELLED"}
-            return {"RUNNING_MODAL"}  # a second click begins no second preview
+            return {"RUNNING_MODAL"}  # so that a second click starts no second preview
 
         if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}
@@ -135,8 +135,8 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
             self.cancel(context)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Remove all that was made; Blender calls this too when
-        it closes or loads another file meanwhile.
+        """Remove everything temporary; Blender also calls this when it closes or loads another
+        file.
         """
         context.window_manager.event_timer_remove(self._timer)
         if self._preview is not None:
@@ -168,8 +168,8 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         )
 
     def _file(self) -> Path | None:
-        """Where the preview is written, if anywhere;
-        ImageError before the render where it cannot be.
+        """Output path of the preview, if any; ImageError before the render if it cannot be
+        written.
         """
         if not self.filepath:
             return None

@@ -1,4 +1,4 @@
-"""Changes of the bench that are proposed with their gain: best place, turn back, move to glass."""
+"""Proposed changes of the bench with their gain: Best Place, Rotate to Recover, Move to Glass."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -25,13 +25,13 @@ from . import automatic, long_work, needed, telling, work, wrapping
 from .needed import the_picture
 
 NOTHING = Message("There is no proposal for the rig as it is")
-WIDTH, BESIDE = 420, 40  # px of the dialogue, and beside its text
-SAME = 1e-6  # of a matrix's numbers: so near an object is where it was
+WIDTH, BESIDE = 420, 40  # px of the dialogue, and of the space next to its text
+SAME = 1e-6  # of a matrix's entries: smaller differences count as unmoved
 
 
 @dataclass(frozen=True)
 class Move:
-    """An object by name, its place when the proposal was made, and the place proposed."""
+    """An object by name, its transform when the proposal was made, and the proposed one."""
 
     name: str
     before: Matrix
@@ -40,9 +40,9 @@ class Move:
 
 @dataclass(frozen=True)
 class ProposedChange:
-    """Objects that would move, and the gain in a sentence.
+    """Objects to move, and the gain as a sentence.
 
-    scene : the fingerprint of the scene that it was made for
+    scene : fingerprint of the scene it was made for
     """
 
     label: str
@@ -55,17 +55,17 @@ _made: list[ProposedChange] = []
 
 
 def propose(proposal: ProposedChange) -> None:
-    """Show a proposal, in place of the last one."""
+    """Show a proposal, replacing the last one."""
     _made[:] = [proposal]
 
 
 def drop() -> None:
-    """Forget the proposal."""
+    """Discard the proposal."""
     _made.clear()
 
 
 def current(scene: bpy.types.Scene) -> ProposedChange | None:
-    """The proposal, where its objects are still in the places that it was made for."""
+    """The proposal, if its objects are still unmoved."""
     if not _made:
         return None
     for move in _made[0].moves:
@@ -79,7 +79,7 @@ def current(scene: bpy.types.Scene) -> ProposedChange | None:
 
 
 def refuse_changed(context: bpy.types.Context, proposal: ProposedChange) -> None:
-    """Raise RigError where the scene is another than a proposal was made for."""
+    """Raise RigError if the scene differs from the proposal's."""
     if not proposal.scene.is_same(work.scene_now(context)):
         raise RigError(
             "The scene has changed since: press {label} again.",
@@ -88,7 +88,7 @@ def refuse_changed(context: bpy.types.Context, proposal: ProposedChange) -> None
 
 
 def move_of(thing: bpy.types.Object, motion: Motion, metres: float) -> Move:
-    """An object's move by a motion in metres."""
+    """Move of an object by a motion in metres."""
     matrix = np.eye(4)
     matrix[:3, :3] = motion.rotation
     matrix[:3, 3] = motion.shift / metres
@@ -101,7 +101,7 @@ def make(context: bpy.types.Context, proposal: ProposedChange) -> None:
 
     Raises
     ------
-    RigError : the scene has changed, or one of them cannot be moved; all are where they were
+    RigError : the scene has changed, or an object cannot be moved; nothing has moved then
     """
     refuse_changed(context, proposal)
     things = [(context.scene.objects[move.name], move.after) for move in proposal.moves]
@@ -127,11 +127,11 @@ def _depth(thing: bpy.types.Object) -> int:
 
 
 def glass_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """The objects of the scene that are glass and shown.
+    """Visible glass objects of the scene.
 
     Raises
     ------
-    RigError : one of them is within an instance
+    RigError : one of them is inside an instance
     """
     things = [thing for thing, by in needed.parts(scene).get("GLASS", {}).items() if not by]
     for thing in things:
@@ -145,7 +145,7 @@ def glass_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def in_view(shift: Floats, axes: Floats) -> list[tuple[float, Message]]:
-    """A shift (3,) m as the viewer with axes (3, 3) sees it: lengths and their ways in words."""
+    """A shift (3,) m in the viewer's axes (3, 3): lengths and their directions in words."""
     across, up, _ = axes @ shift
     ways = (
         (across, Message("to the right"), Message("to the left")),
@@ -212,7 +212,7 @@ class KIRIKO_OT_drop_proposal(bpy.types.Operator):
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file: what was proposed is for the one before."""
+    """Discard the proposal of the file before."""
     drop()
 
 
@@ -220,20 +220,20 @@ HANDLERS = (("load_post", on_load),)
 
 
 def register() -> None:
-    """Begin to listen for other files."""
+    """Start listening for file loads."""
     work.listen(HANDLERS)
 
 
 def unregister() -> None:
-    """Listen no more."""
+    """Stop listening."""
     work.stop_listening(HANDLERS)
     drop()
 
 
 class Proposes(long_work.LongWork):
-    """Mix-in for an operator whose result is proposed, and made at once where `take` is on.
+    """Mix-in for an operator that proposes its result, or applies it at once with `take`.
 
-    `proposed` yields progress 0..1 and returns the proposal, or a sentence where there is none.
+    `proposed` yields progress 0..1 and returns the proposal, or a sentence if there is none.
     """
 
     take: bpy.props.BoolProperty(
@@ -275,10 +275,10 @@ class Proposes(long_work.LongWork):
         return state
 
 
-FAR = 1e-3  # of the picture's side: a smaller shift is not told
-REACH = 0.5  # of the picture's side: so far it may move by itself
-AT_LIMIT = 0.98  # of the shift that is allowed: who comes so far may find more beyond
-ENOUGH = 0.995  # of the picture: more is not worth a further look
+FAR = 1e-3  # of the picture's side: smaller shifts are not mentioned
+REACH = 0.5  # of the picture's side: default limit of a shift
+AT_LIMIT = 0.98  # of the allowed shift: beyond this a higher limit may gain more
+ENOUGH = 0.995  # of the picture: above this a further search is not worth it
 _taken: automatic.Taken = {}
 
 
@@ -364,7 +364,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
 
 
 def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Message:
-    """The gain, and the motions it takes."""
+    """The gain, and the motions it needs."""
     axes = plane_of(rig).sides
     shift = found.shift @ (axes / np.linalg.norm(axes, axis=1)[:, None])
     ways = [
@@ -387,8 +387,8 @@ def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Me
     )
 
 
-ALONG = 0.97  # cosine to an axis of the viewer, from which on it is named by it
-WORTH_IT = 0.02  # share of the lost light, for which a turn is proposed that does not bring it all
+ALONG = 0.97  # cosine to an axis of the viewer above which the axis is named
+WORTH_IT = 0.02  # fraction of the lost light above which a partial rotation is proposed
 
 
 class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
@@ -454,7 +454,7 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
 
 
 def _axis_words(turn: Floats, axes: Floats) -> Message:
-    """The axis of a turn (3,), as a viewer with axes (3, 3) sees it."""
+    """Name of the axis of a turn (3,), in the viewer's axes (3, 3)."""
     along = np.abs(axes @ turn) / max(float(np.linalg.norm(turn)), np.finfo(float).tiny)
     names = (
         Message("the horizontal axis across the view"),

@@ -1,4 +1,4 @@
-"""Remedies where a result lacks some of the picture, with their amounts, for the checklist."""
+"""Remedies for an incomplete result, with their amounts, for the checklist."""
 
 from collections.abc import Generator
 
@@ -13,14 +13,14 @@ from ..core.solve.legibility import READABLE, card_legibility
 from ..core.solve.solution import Solution
 from . import work
 
-SECONDS = 4.0  # that the search may take: most take one
+SECONDS = 4.0  # s of the search; most take one
 
 
 def remedies_for(
     rig: Rig, settings: Settings, solution: Solution
 ) -> Generator[float, None, Remedies | None]:
-    """Remedies for the light that a solution lost, None where it is not worth one; yields
-    progress 0..1.
+    """Remedies for the light a solution lost; None if the loss is too small. Yields progress
+    0..1.
     """
     if not any(solution.misses.get(reason, 0.0) >= WORTH for reason in REMEDIES):
         return None
@@ -31,12 +31,13 @@ def remedies_for(
 def legible(
     rig: Rig, settings: Settings, is_watched: bool
 ) -> Generator[float, None, tuple[float, tuple[Help, ...]]]:
-    """How legible the picture is, 0..1, and, for somebody who reads the checklist, remedies that
-    were measured, if it is not; yields progress 0..1.
+    """Legibility of the picture, 0..1, and measured remedies if it is low; yields progress 0..1.
+
+    Remedies are measured only if somebody sees the checklist.
     """
     key = fingerprint(rig.light_keys, rig.picture_place, settings.of_optics, is_watched)
     known = work.legible()
-    if key not in known:  # another picture in the same place is as legible
+    if key not in known:  # legibility does not depend on the picture
         kept, helps = MeshCache(), ()
         work.session().lend(kept)
         found = yield from subprogress(card_legibility(rig, settings, kept), 0.0, 0.2)

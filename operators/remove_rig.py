@@ -1,4 +1,4 @@
-"""Remove rig: all that Add Rig made goes, and what it changed is put back."""
+"""Remove Rig: removes everything Add Rig made, and restores what it changed."""
 
 import bpy
 
@@ -12,9 +12,9 @@ NO_COLLECTION = Message("Add Rig didn't make this rig: delete its parts by hand"
 
 
 def rig_to_remove(context: bpy.types.Context) -> bpy.types.Collection | None:
-    """The rig of an object that was just selected, else the active one; None if there is none."""
+    """The rig of an object just selected, otherwise the active one; None if there is none."""
     scene, thing = context.scene, context.active_object
-    # one that is looked through stays the shown one, whatever is selected
+    # A rig that is looked through stays active, whatever is selected.
     is_followed = not scene.kiriko_scene.looking and is_new(scene, thing)
     return (rig_of(scene, thing) if is_followed else None) or active_rig(scene)
 

@@ -1,7 +1,6 @@
 """Report: error against cost, and what several viewers, a moving head and two eyes see.
 
-The latter is reported where the rig has it: several viewers, a head that moves before a flat
-picture, a pair of eyes.
+The latter appears if the rig has several viewers, a head before a flat picture, or a pair of eyes.
 """
 
 import argparse
@@ -51,18 +50,17 @@ from .export import use_bundled_modules
 from .eye_box import OffFromStartError, begin, check_limit, check_share, of_blended
 from .viewer_reports import CONFLICT, lines, reports_of
 
-NUMBERS = "eyes.json"  # of the verb, where a report has report.json
+NUMBERS = "eyes.json"  # file name of the verb, which a report adds to report.json
 
-FOUND = 0.8  # of the progress of an eye box: the rest is its curves
+FOUND = 0.8  # progress of an eye box before its curves
 
 
 @dataclass
 class ReportExtras:
-    """Numbers by the names that report.json has for them, and drawings by their files; of what is
-    missing the errors, by the labels of the work.
+    """Figures by their keys in report.json, drawings by file, and errors by the label of the work.
 
-    of_viewers : numbers of several viewers, as a result keeps them
-    no_pair : why nothing is told of two eyes, where two viewers are none before a flat picture
+    of_viewers : figures of several viewers, as a result stores them
+    no_pair : reason why two viewers before a flat picture are not a pair of eyes
     """
 
     of_viewers: dict[str, Any] = field(default_factory=dict)
@@ -72,8 +70,8 @@ class ReportExtras:
     no_pair: Message | None = None
 
     def lines(self, scene: bpy.types.Scene) -> Iterator[Message]:
-        """What is told of several viewers, in the words that the panel has after a solve, and of
-        which way to settle their disagreement the boxes are.
+        """Figures of several viewers as the panel words them, and the mode of settling for the
+        boxes.
         """
         yield from lines(scene, self.of_viewers)
         if self.no_pair is not None and "no_pair" not in self.of_viewers:
@@ -82,7 +80,7 @@ class ReportExtras:
             yield from of_blended(scene)
 
     def missing(self, translate: telling.Translate | None = None) -> list[str]:
-        """A sentence on each part that is missing, as `telling.sentence` has it."""
+        """A sentence on each part that failed, worded like any error."""
         return [
             telling.sentence(error, label, translate=translate)
             for label, error in self.errors.items()
@@ -90,19 +88,19 @@ class ReportExtras:
 
 
 def check_head(rig: Rig) -> None:
-    """Raise RigError where a rig's first viewer has no head that moves before a flat picture."""
+    """Raise RigError unless the first viewer has a head that can move before a flat picture."""
     check_viewer(rig.viewer, rig.picture_place)
     plane_of(rig)
 
 
 def check_pair(rig: Rig) -> None:
-    """Raise RigError where a rig's viewers are no pair of eyes before a flat picture."""
+    """Raise RigError unless the viewers are a pair of eyes before a flat picture."""
     pair_of(rig)
     plane_of(rig)
 
 
 def _has_several(rig: Rig) -> bool:
-    """Are there several viewers of one flat picture?"""
+    """Whether there are several viewers of one flat picture."""
     return len(rig.viewers) > 1 and not rig.has_own_images and _has(plane_of, rig)
 
 
@@ -111,7 +109,7 @@ def _has(check: Callable[[Rig], object], rig: Rig) -> bool:
 
 
 def _refused(check: Callable[[Rig], object], rig: Rig) -> KirikoError | None:
-    """The reason why a check refuses a rig."""
+    """The reason with which a check refuses a rig."""
     try:
         rig.check()
         check(rig)
@@ -121,7 +119,7 @@ def _refused(check: Callable[[Rig], object], rig: Rig) -> KirikoError | None:
 
 
 def beside_names(rig: Rig) -> tuple[str, ...]:
-    """The files that `beside` finds drawings for."""
+    """Files of the drawings that `beside` makes."""
     found = (
         (check_head, head_range.FILE),
         (check_pair, pairs.FILE),
@@ -133,9 +131,9 @@ def beside_names(rig: Rig) -> tuple[str, ...]:
 def beside(
     context: bpy.types.Context, rig: Rig, limit: float = LIMIT, least: float = LEAST
 ) -> Generator[float, None, ReportExtras]:
-    """Find all that a report tells beside its costs; yields progress 0..1.
+    """Find everything a report contains besides costs; yields progress 0..1.
 
-    A part that goes wrong is missing, and takes nothing of the others along.
+    A part that fails is left out without affecting the others.
     """
     found = ReportExtras()
     parts = (
@@ -159,7 +157,7 @@ def beside(
                 missing[name] = str(error) or type(error).__name__
             else:
                 if len(rig.viewers) > 1 and name.endswith("_box"):
-                    told["disagreement"] = "sharp"  # whichever way is chosen
+                    told["disagreement"] = "sharp"  # in any mode
                 found.numbers[name] = told
                 found.drawings |= drawings
         start = end
@@ -169,8 +167,9 @@ def beside(
 def _seen_by_each(
     context: bpy.types.Context, rig: Rig, found: ReportExtras
 ) -> Generator[float, None, tuple[list[dict[str, Any]], dict[str, str]]]:
-    """What each of several viewers sees, the worst first, and beside it what they disagree about,
-    as after a solve; no drawing. Yields progress 0..1.
+    """What each viewer sees, the worst first, and their conflict, as after a solve; no drawing.
+
+    Yields progress 0..1.
     """
     settings = work.settings_of(context.scene)
     solution = yield from subprogress(work.session().solve(rig, settings), 0.0, 0.9)
@@ -184,7 +183,7 @@ def _seen_by_each(
 def _two_eyes_of(
     context: bpy.types.Context, rig: Rig
 ) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
-    """How a pair of eyes sees the picture: numbers and a drawing. Yields progress 0..1."""
+    """Figures and a drawing of what a pair of eyes sees; yields progress 0..1."""
     kept = MeshCache()
     work.session().lend(kept)
     eyes = yield from two_eyes(rig, work.settings_of(context.scene), kept=kept)
@@ -194,8 +193,9 @@ def _two_eyes_of(
 def _head_box_of(
     context: bpy.types.Context, rig: Rig
 ) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
-    """What solving for all viewers gives beside solving for the middle of the box that they span:
-    numbers and a drawing. Yields progress 0..1.
+    """Comparison of solving for all viewers and for the centre of their box: figures and a drawing.
+
+    Yields progress 0..1.
     """
     plan = work.session().plan(rig, work.settings_of(context.scene))
     served = yield from head_box.head_box(plan)
@@ -205,8 +205,10 @@ def _head_box_of(
 def ways_to_settle(
     context: bpy.types.Context, rig: Rig
 ) -> Generator[float, None, tuple[dict[str, list[dict[str, Any]]], dict[str, str]]]:
-    """For each way to settle the viewers' disagreement a report on each viewer, the one with the
-    largest displacement first, and how sharp it sees the picture; no drawing. Yields progress 0..1.
+    """For each mode of settling a report on each viewer, the largest displacement first, with
+    sharpness.
+
+    No drawing; yields progress 0..1.
     """
     session = work.session()
     ways = get_args(Disagreement)
@@ -225,7 +227,7 @@ def ways_to_settle(
 def eye_box_of(
     context: bpy.types.Context, rig: Rig, limit: float, least: float
 ) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
-    """The eye box of a rig and its curves: numbers and a drawing. Yields progress 0..1."""
+    """Figures and a drawing of the eye box and its curves; yields progress 0..1."""
     plan = work.session().plan(rig, work.settings_of(context.scene))
     walk = Walk(plan, limit, least)
     yield from hold_progress(0.02, begin(walk))
@@ -237,7 +239,7 @@ def eye_box_of(
 
 
 def files_of(rig: Rig) -> tuple[str, ...]:
-    """The files that the verb writes."""
+    """Files that the verb writes."""
     return (*beside_names(rig), NUMBERS)
 
 
@@ -268,13 +270,13 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
 
 
 def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Write what is told beside costs, alone; yields lines of progress."""
+    """Write only the part of a report besides costs; yields lines of progress."""
     context = bpy.context
     rig = work.read(context).rig
     rig.check()
     files = files_of(rig)
     if len(rig.viewers) == len(files) == 1:
-        check_head(rig)  # tells why there is nothing
+        check_head(rig)  # raises the reason if there is nothing
     for viewer in rig.viewers:  # before minutes of work on the others
         check_seen(rig.place_of(viewer), viewer)
     if not arguments.overwrite:
@@ -304,7 +306,7 @@ def _share(text: str) -> float:
 
 
 def _checked(number: float, check: Callable[[float], None]) -> float:
-    """A number that an option takes."""
+    """A number as an option's value."""
     try:
         check(number)
     except KirikoError as reason:
@@ -312,18 +314,18 @@ def _checked(number: float, check: Callable[[float], None]) -> float:
     return number
 
 
-MEASURED = 0.8  # of the progress
+MEASURED = 0.8  # progress of the first part
 
 __all__ = ["measured", "names", "table", "write"]
 
 
 def names(rig: Rig) -> tuple[str, ...]:
-    """The files of a rig's report."""
+    """Files of the rig's report."""
     return (*_own_names(rig), *beside_names(rig))
 
 
 def _own_names(rig: Rig) -> tuple[str, ...]:
-    """Of them, those that tell of costs and of the plate."""
+    """Those about costs and the plate."""
     return NAMES if _array_plate(rig) is None else (*NAMES, *PLATE_NAMES)
 
 
@@ -334,10 +336,9 @@ def _array_plate(rig: Rig) -> Plate | None:
 def measured(
     context: bpy.types.Context, rig: Rig, target: Path, budget: float
 ) -> Generator[float, None, tuple[WorkPrecision, ReportExtras]]:
-    """Measure the scene's rig, reading, and writing to the
-    folder `target`, included, and what is told beside; yields progress 0..1.
+    """Measure the scene's rig, with reading, writing to the folder `target`, and the extras.
 
-    Scene and folder stay as they are.
+    Yields progress 0..1; scene and folder stay unchanged.
     """
     use_bundled_modules()
     form = context.scene.kiriko.export_format
@@ -359,7 +360,7 @@ def measured(
 
 
 def _can_write() -> bool:
-    """Is there a module that writes image files? The report itself is text and does without."""
+    """Whether image files can be written; the report itself is text and works without."""
     try:
         image_io.openimageio()
     except ImageError:
@@ -370,8 +371,9 @@ def _can_write() -> bool:
 def write(
     target: Path, rig: Rig, settings: Settings, found: WorkPrecision, beside: ReportExtras
 ) -> tuple[str, ...]:
-    """Write the report's files to a folder, all of them or
-    none, and return their names; ImageError when they cannot be written.
+    """Write the report's files to a folder, all or none; returns their names.
+
+    ImageError if they cannot be written.
     """
     about = {
         "file": Path(bpy.data.filepath).name,

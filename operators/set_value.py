@@ -1,5 +1,6 @@
-"""Properties of the open file that the command line sets before its work, by their paths in Python
-behind `bpy.data.` or `bpy.context.scene.`.
+"""Properties of the open file for the command line's --set, by Python path.
+
+A path follows `bpy.data.` or `bpy.context.scene.`.
 """
 
 import re
@@ -14,8 +15,8 @@ import numpy as np
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
 
-# a name in double quotes, which stays as it is; in single quotes; or in brackets alone, as shells
-# leave it of ["Glass"], where it is no whole number
+# A name in double quotes, in single quotes, or bare in brackets (as shells leave ["Glass"]) unless
+# it is a whole number.
 NAMES = re.compile(
     r"""
     "(?: [^"\\] | \\. )*"
@@ -28,8 +29,8 @@ ONE_OF_SEVERAL = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
 class _FoundProperty(NamedTuple):
-    """A property that can be set: whose it is, its name there, and which of its numbers is meant,
-    None where it has but one value.
+    """A settable property: its owner, its name, and the index of one of its numbers (None for a
+    scalar).
     """
 
     owner: bpy.types.bpy_struct
@@ -38,12 +39,12 @@ class _FoundProperty(NamedTuple):
 
     @property
     def value(self) -> object:
-        """What it is now."""
+        """Present value."""
         value = getattr(self.owner, self.name)
         return value if self.index is None else value[self.index]
 
     def set_to(self, value: object) -> None:
-        """Give it a value of its kind."""
+        """Set it to a value of its type."""
         if self.index is None:
             setattr(self.owner, self.name, value)
             return
@@ -53,7 +54,7 @@ class _FoundProperty(NamedTuple):
 
 
 def set_values(pairs: Iterable[tuple[str, str]]) -> list[Message]:
-    """Set properties to values, both as text; a line on each, and one on each without effect.
+    """Set properties from text; returns a line on each, and one on each without effect.
 
     Raises
     ------
@@ -66,9 +67,7 @@ def set_values(pairs: Iterable[tuple[str, str]]) -> list[Message]:
 
 
 def idle(paths: Iterable[str]) -> list[Message]:
-    """A line on each property that another one keeps from having an effect, as Override IOR an
-    index.
-    """
+    """A line on each property that another one disables, such as an index without Override IOR."""
     told = []
     for path in dict.fromkeys(paths):
         owner, name, _ = _found(path)
@@ -86,7 +85,7 @@ def idle(paths: Iterable[str]) -> list[Message]:
 
 
 def check_values(path: str, texts: Iterable[str]) -> None:
-    """Raise RigError where a property could not be set to one of some values; it stays as it is."""
+    """Raise RigError if a property cannot have one of some values; it stays unchanged."""
     for text in texts:
         with having(path, text):
             pass
@@ -94,7 +93,7 @@ def check_values(path: str, texts: Iterable[str]) -> None:
 
 @contextmanager
 def having(path: str, text: str) -> Iterator[None]:
-    """Have a property set to a value for a while."""
+    """Set a property to a value for a while."""
     found = _found(path)
     was_set, before = found.owner.is_property_set(found.name), found.value
     try:
@@ -108,12 +107,12 @@ def having(path: str, text: str) -> Iterator[None]:
 
 
 def _set(path: str, text: str) -> Message:
-    """Set one: of the scene, else of the file's data."""
+    """Set a property of the scene, otherwise of the file's data."""
     found = _found(path)
     known = found.owner.bl_rna.properties[found.name]
     try:
         value = _read(known, text)
-        _refuse_beyond(known, path, value)  # Blender would cut it without a word
+        _refuse_beyond(known, path, value)  # Blender would cut it silently
         found.set_to(value)
     except (TypeError, ValueError):
         raise RigError(
@@ -125,7 +124,7 @@ def _set(path: str, text: str) -> Message:
 
 
 def _found(path: str) -> _FoundProperty:
-    """The property of a path."""
+    """The property at a path."""
     place, _, last = NAMES.sub(_in_quotes, path.removeprefix("bpy.data.")).rpartition(".")
     words = ONE_OF_SEVERAL.fullmatch(last)
     name, index = words.groups() if words else (last, None)
@@ -152,7 +151,7 @@ def _found(path: str) -> _FoundProperty:
 
 
 def _in_quotes(found: re.Match[str]) -> str:
-    """A name of a path as Blender reads it."""
+    """A name in a path, unquoted."""
     name = found[1] or found[2]
     return f'["{name}"]' if name else found[0]
 
@@ -160,7 +159,7 @@ def _in_quotes(found: re.Match[str]) -> str:
 def _owner(place: str) -> bpy.types.bpy_struct | None:
     scene = bpy.context.scene
     places = [(scene, place), (bpy.data, place)]
-    if place.partition(".")[0] == "kiriko":  # a property of Python's, which no path leads through
+    if place.partition(".")[0] == "kiriko":  # a Python property, which cannot be part of a path
         places = [(scene.kiriko, place.removeprefix("kiriko").removeprefix("."))]
     for data, rest in places:
         try:
@@ -184,10 +183,10 @@ def _read(known: bpy.types.Property, text: str) -> object:
 
 
 def _refuse_beyond(known: bpy.types.Property, path: str, value: object) -> None:
-    """Raise RigError where a property has no room for a value of its kind."""
+    """Raise RigError if a value is out of a property's range."""
     if known.type in {"FLOAT", "INT"}:
         stored = np.float32 if known.type == "FLOAT" else int
-        with np.errstate(over="ignore"):  # beyond all numbers that a property has
+        with np.errstate(over="ignore"):  # beyond any range
             low, given, high = map(stored, (known.hard_min, value, known.hard_max))
         if not low <= given <= high:
             raise RigError(

@@ -1,11 +1,10 @@
-"""Show Window: a window of Blender with the source image alone, an image pixel on a screen pixel.
+"""Show Window: a Blender window with only the source image, one image pixel to one screen pixel.
 
-A new window shows a text editor without text or headers. `panels/shown_pixels.py` draws the image
-over its region: image editors would put its numbers through the colour management of the screen,
-text editors leave them alone. Blender's own full-screen state of areas was rejected, since a screen
-stays in the file when the window is closed. Which windows are ours is kept for the session alone,
-by the ids of their screens: a file that is saved meanwhile opens with a normal image editor in
-their place.
+A new window shows a text editor without text or headers, and `panels/shown_pixels.py` draws the
+image over its region. Image editors would apply the screen's colour management, text editors do
+not. Blender's full-screen areas were rejected, because their screens stay in the file. Screen ids
+of our windows are stored for the session only: a file saved in the meantime opens with a normal
+image editor instead.
 """
 
 import bpy
@@ -19,44 +18,42 @@ from . import needed, telling, windows, work
 from .windows import all_windows
 
 FULL_SCREEN = "wm.window_fullscreen_toggle"
-TICK = 0.1  # s between two looks at the result and the windows
+TICK = 0.1  # s between checks of the result and the windows
 EDITOR = "TEXT_EDITOR"
 SAVED_AS = "IMAGE_EDITOR"
-# switches of a text editor that show something beside its text
+# Settings of a text editor that show something besides its text.
 PARTS = ("show_region_header", "show_region_footer", "show_region_ui", "show_line_numbers")
 
 _screens: set[int] = set()  # session uids of the screens of our windows
-_seen: list[object] = []  # the result as it was looked at last
+_seen: list[object] = []  # the result as of the last check
 _keys: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
 
 def show_windows() -> list[bpy.types.Window]:
-    """The show windows that are open: one, but where Blender made copies."""
+    """Open show windows; more than one only if Blender made copies."""
     return [window for window in all_windows() if window.screen.session_uid in _screens]
 
 
 def is_ours(window: bpy.types.Window | None) -> bool:
-    """Is a window a show window?"""
+    """Whether a window is a show window."""
     return window is not None and window.screen.session_uid in _screens
 
 
 def shown_result(scene: bpy.types.Scene) -> bpy.types.PropertyGroup:
-    """The result that show windows show of a scene: that of the rig that is chosen for them, else
-    of the active one.
-    """
+    """Result shown of a scene: of the rig chosen for show windows, otherwise of the active one."""
     name = bpy.context.window_manager.kiriko.show_rig
     chosen = next((rig for rig in rigs(scene) if rig.name == name), None)
     return (scene if chosen is None else chosen).kiriko.result
 
 
 def size_of(window: bpy.types.Window) -> tuple[int, int]:
-    """Pixels of the screen that a show window has for its image."""
+    """Screen pixels available to a show window's image."""
     region = next(region for region in _editor(window).regions if region.type == "WINDOW")
     return region.width, region.height
 
 
 def key_of_full_screen(context: bpy.types.Context) -> str:
-    """The keys that make a window full-screen in this user's keymap, '' where there are none."""
+    """The user's keys for full screen; '' if there are none."""
     found = context.window_manager.keyconfigs.find_item_from_operator(FULL_SCREEN)[1]
     return "" if found is None else found.to_string()
 
@@ -66,7 +63,7 @@ def _editor(window: bpy.types.Window) -> bpy.types.Area:
 
 
 def _open(context: bpy.types.Context) -> None:
-    """A new window that shows nothing but the main region of an editor."""
+    """A new window with nothing but the main region of an editor."""
     before = {window.as_pointer() for window in all_windows()}
     bpy.ops.wm.window_new()
     window = next(one for one in all_windows() if one.as_pointer() not in before)
@@ -100,7 +97,7 @@ def close(window: bpy.types.Window) -> None:
 
 
 def tick() -> float | None:
-    """Called by a timer as long as there is a show window: it follows the result."""
+    """Timer callback while a show window is open: follows the result."""
     windows = show_windows()
     if not windows:
         return None
@@ -113,7 +110,7 @@ def tick() -> float | None:
 
 
 def _look(window: bpy.types.Window) -> tuple[object, ...]:
-    """What tells one state of a result from another; Live draws anew by itself."""
+    """Identity of a result's state; Live redraws by itself."""
     result = shown_result(window.scene)
     image = result.source
     about = () if image is None else (image.session_uid, tuple(image.size))
@@ -121,7 +118,7 @@ def _look(window: bpy.types.Window) -> tuple[object, ...]:
 
 
 def redraw() -> None:
-    """Have the show windows drawn again."""
+    """Redraw the show windows."""
     for window in show_windows():
         for area in window.screen.areas:
             area.tag_redraw()
@@ -129,13 +126,13 @@ def redraw() -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """An image may be another one under the same name."""
+    """Handle undo: another image may have the same name."""
     redraw()
 
 
 @persistent
 def before_save(*_: object) -> None:
-    """A file opens with a normal image editor in the place of a show window."""
+    """Before saving, replace show windows by normal image editors in the file."""
     for window in show_windows():
         area = _editor(window)
         area.type = SAVED_AS
@@ -145,7 +142,7 @@ def before_save(*_: object) -> None:
 
 @persistent
 def after_save(*_: object) -> None:
-    """The show goes on."""
+    """After saving, show again."""
     for window in show_windows():
         _become_editor(window)
 
@@ -160,19 +157,20 @@ HANDLERS = (
 
 
 def register() -> None:
-    """Follow undo, leave show windows out of files that are saved, and have keys for full screen:
+    """Follow undo, keep show windows out of saved files, and add full-screen keys.
+
     Blender's own keymap has none.
     """
     work.listen(HANDLERS)
     config = bpy.context.window_manager.keyconfigs.addon
-    if config is not None:  # in the background there is none
+    if config is not None:  # none in background mode
         keymap = config.keymaps.new("Window")
         keys = keymap.keymap_items.new(FULL_SCREEN, "F11", "PRESS", alt=True)
         _keys.append((keymap, keys))
 
 
 def unregister() -> None:
-    """Close what is open, and forget it."""
+    """Close and forget the show windows."""
     work.stop_listening(HANDLERS)
     while _keys:
         keymap, keys = _keys.pop()
@@ -216,7 +214,7 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
                         self, "INFO", Message("The show window is already open on its display.")
                     )
                     return {"FINISHED"}
-                close(window)  # Blender raises new windows alone
+                close(window)  # Blender raises only new windows
 
             _open(context)
             return {"FINISHED"}

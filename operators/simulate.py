@@ -1,6 +1,4 @@
-"""Simulate: the viewer's image of the source image, with
-all that the plate's mirrors do to its light.
-"""
+"""Simulate: the viewer's image of the source image, with all effects of the plate's mirrors."""
 
 from collections.abc import Generator
 
@@ -86,7 +84,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
 
 
 def simulation_report(found: Simulation) -> str:
-    """How much of the light is none of the picture's, and how large the noise is."""
+    """Fractions of stray light, and the noise."""
     whole = sum(found.luminance.values())
     if not whole:
         return Message(": nothing")

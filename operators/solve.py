@@ -1,4 +1,4 @@
-"""Solve: compute the source image and put it on the display."""
+"""Solve: compute the source image and show it on the display."""
 
 from collections.abc import Generator
 
@@ -22,7 +22,7 @@ from .remedies import legible, remedies_for
 from .viewer_reports import reports_of
 from .windows import show_image, show_where_empty
 
-SOLVED = 0.98  # of the progress: the rest is what viewers see, and remedies for light that is lost
+SOLVED = 0.98  # progress after the solve itself; the rest covers viewers and remedies
 
 
 class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
@@ -58,7 +58,7 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
             show_where_empty(scene.kiriko.result.source)
 
         yield 0.0
-        # Live shows coarse images itself, and would take one that stays here for its own, final one
+        # Live shows coarse images itself, and would take a remaining one for its own final image.
         if self.is_watched and not live.is_on():
             steps = solve_in_sight(work.session(), reading.rig, settings, show)
         else:
@@ -66,7 +66,7 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         solution = yield from subprogress(steps, 0.0, SOLVED)
         reports = yield from subprogress(reports_of(solution, settings), SOLVED, SOLVED)
         helps = None
-        if self.is_watched:  # a script reads no checklist
+        if self.is_watched:  # scripts read no checklist
             helps = yield from subprogress(
                 remedies_for(reading.rig, settings, solution), SOLVED, 0.99
             )
@@ -82,6 +82,6 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         return text
 
     def stays(self) -> str:
-        # not undone by now
+        # unless it was undone
         is_there = any(image.session_uid == self.shown for image in bpy.data.images)
         return Message("the rough image") if is_there else ""

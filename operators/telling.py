@@ -1,4 +1,4 @@
-"""The border at which operators tell what they did: here every sentence may be translated."""
+"""Reports and labels of operators, translated into the interface's language."""
 
 import traceback
 from collections.abc import Callable, Iterator
@@ -11,46 +11,47 @@ from ..core.base.messages import CONTEXT, Message, as_message
 from ..core.blender.data.stored_records import take_reports
 
 translations = bpy.app.translations
-Translate = Callable[[str], str]  # from a template to one of another language
+Translate = Callable[[str], str]  # translates a template
 
 
 def interface(text: str) -> str:
-    """A text in the language of labels, where these are translated. Names of Blender's own, such as
-    a shader's input, are in Blender's translation.
+    """A text translated like labels.
+
+    Blender's own terms, such as a shader input, use Blender's translation.
     """
     own = str(translations.pgettext_iface(text, CONTEXT))
     return str(translations.pgettext_iface(text)) if own == text else own
 
 
 def reports(text: str) -> str:
-    """A text in the language of reports, where these are translated."""
+    """A text translated like reports."""
     own = str(translations.pgettext_rpt(text, CONTEXT))
     return str(translations.pgettext_iface(text)) if own == text else own
 
 
 def in_words(text: str, translate: Translate | None = None) -> str:
-    """A sentence as panels show it, or in another place's language.
+    """A sentence as panels show it, or by another translation.
 
-    A message is told by its translated template; a plain text is one without values.
+    A message is translated by its template; a plain text is a template without values.
     """
     translate = translate or interface
     return text.sentence(translate) if isinstance(text, Message) else translate(text)
 
 
 def report(operator: bpy.types.Operator, level: str, text: str) -> None:
-    """Have an operator report a sentence in one line, as "INFO", "WARNING" or "ERROR"."""
+    """Report a sentence in one line, as "INFO", "WARNING" or "ERROR"."""
     operator.report({level}, one_line(in_words(text, reports)))
 
 
 def sentence(
     error: BaseException, label: str, stays: str = "", translate: Translate | None = None
 ) -> str:
-    """The report on an error, foreseen or not, in the work called
-    `label`, of which nothing stays but what is named.
+    """Report on an expected or unexpected error of the work called `label`.
 
-    The traceback of one that was not foreseen is in the console, for whoever has to find its cause.
+    Nothing of the work is kept except what the sentence names. The traceback of an unexpected error
+    goes to the console.
 
-    translate : `str` where scripts read it: in a terminal
+    translate : `str` if a script reads it, as in a terminal
     """
     translate = translate or reports
     label, stays = as_message(label), stays and as_message(stays)
@@ -88,7 +89,7 @@ def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
             state=state,
         )
 
-    if isinstance(error, ReferenceError):  # by Blender's Python, of a datablock that is gone
+    if isinstance(error, ReferenceError):  # from Python, for a datablock that is gone
         return Message(
             "{work} stopped because Undo or a script removed its data: start it again.",
             work=label,
@@ -114,9 +115,7 @@ def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
 
 @contextmanager
 def errors_reported(operator: bpy.types.Operator, stays: Callable[[], str] = str) -> Iterator[None]:
-    """Report whatever goes wrong within, and what stays then,
-    as one sentence: no traceback reaches an artist.
-    """
+    """Report any error within as one sentence, with what was kept; artists see no traceback."""
     try:
         yield
     except (Exception, KeyboardInterrupt) as error:

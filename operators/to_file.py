@@ -1,4 +1,4 @@
-"""Operators that write to files chosen in Blender's dialogue: one file, or several in a folder."""
+"""Operators that write to a file or a folder chosen in Blender's dialogue."""
 
 from pathlib import Path
 
@@ -10,14 +10,14 @@ from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from . import long_work, needed, telling
 from .choose_rig import EndsWithRig
 
-# of kinds of files, which say nothing where a file is of another kind
+# File suffixes that are wrong for a file of another type.
 OTHERS = {".bmp", ".exr", ".gif", ".jpeg", ".jpg", ".pdf", ".png", ".svg", ".tif", ".tiff", ".webp"}
 
 
 class ToFile(EndsWithRig):
     """Mix-in for an operator that writes a file.
 
-    default_name : of the file, whose suffix all have
+    default_name : of the file, with its suffix
     """
 
     default_name = ""
@@ -33,7 +33,7 @@ class ToFile(EndsWithRig):
         description="Replace existing files",
         options={"SKIP_SAVE", "HIDDEN"},
     )
-    # the file dialogue asks an operator for these
+    # properties the file dialogue expects
     check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
     filter_glob: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
@@ -48,14 +48,14 @@ class ToFile(EndsWithRig):
         return {"RUNNING_MODAL"}
 
     def check(self, context: bpy.types.Context) -> bool:
-        """Called by the file dialogue: complete the name, so that one that is taken is red."""
+        """Called by the file dialogue: complete the name, so that an existing one turns red."""
         named = self._named()
         is_other = named != self.filepath
         self.filepath = named
         return is_other
 
     def path(self) -> Path:
-        """The file, absolute, with its suffix; ImageError where none was chosen."""
+        """Absolute path of the file with its suffix; ImageError if none was chosen."""
         if not self.filepath:
             raise ImageError(
                 "{button} has no path: choose a file.", button=as_message(self.bl_label)
@@ -63,7 +63,7 @@ class ToFile(EndsWithRig):
         return absolute(self._named())
 
     def _named(self) -> str:
-        """The name with its suffix, in place of another kind's, such as .pdf."""
+        """The name with its suffix, replacing that of another type, such as .pdf."""
         name, suffix = Path(self.filepath), Path(self.default_name).suffix
         if name.suffix.lower() in OTHERS - {suffix}:
             return self.filepath.removesuffix(name.suffix) + suffix
@@ -73,7 +73,7 @@ class ToFile(EndsWithRig):
 class IntoFolder(EndsWithRig, long_work.LongWork):
     """Mix-in for an operator with long work that writes to a folder.
 
-    in_dialogue : names of the settings that the dialogue shows
+    in_dialogue : names of the settings in the dialogue
     """
 
     in_dialogue: tuple[str, ...] = ()
@@ -104,7 +104,7 @@ class IntoFolder(EndsWithRig, long_work.LongWork):
         if not self.is_in_dialogue:
             return super().execute(context)
 
-        # an operator of a dialogue cannot go on in steps: another one can
+        # An operator of a dialogue cannot continue in steps; a second one can.
         with telling.errors_reported(self):
             self.end_with(context)
             again = getattr(bpy.ops.kiriko, type(self).__name__.partition("_OT_")[2])

@@ -1,4 +1,4 @@
-"""An image of its own for each viewer: rendered from another scene, or opened by its file name."""
+"""Own images of viewers: rendered from another scene, or opened by file name."""
 
 from collections.abc import Generator
 from pathlib import Path
@@ -23,11 +23,13 @@ MARK = "{viewer}"
 
 
 def files_of(scene: bpy.types.Scene, file: str) -> dict[str, Path]:
-    """The files of the viewers that are on, by their cameras' names, as these are or as every disk
-    takes them; RigError where several viewers would have the same.
+    """Image files of the active viewers, by camera name.
 
-    file : a name with the mark where a viewer's is, the file of one of them, or a folder that has
-        an image of each viewer's name, whatever its kind
+    Names are used as they are, or as every disk allows them; RigError if viewers would share a
+    file.
+
+    file : a name with the mark in place of the viewer's, the file of one viewer, or a folder with
+        an image of each viewer's name and any type
     """
     names = names_of(scene)
     folder = absolute(file)
@@ -53,28 +55,30 @@ def files_of(scene: bpy.types.Scene, file: str) -> dict[str, Path]:
 
 
 def _with_mark(file: str, names: list[str]) -> str:
-    """A file's name with the mark where a viewer's name is, the longest one; else as it is."""
+    """A file name with the mark in place of the longest matching viewer's name; otherwise
+    unchanged.
+    """
     place = Path(file)
     found = max((name for name in names if name in place.name), key=len, default="")
     return str(place.with_name(place.name.replace(found, MARK))) if found else file
 
 
 def _in_folder(folder: Path, names: tuple[str, ...]) -> Path:
-    """The image in a folder that has one of these names, the first by its kind."""
+    """The image in a folder with one of these names, the first by type."""
     known = bpy.path.extensions_image
     files = sorted(path for path in folder.iterdir() if path.suffix.lower() in known)
     return next((path for path in files if path.stem in names), folder / f"{names[-1]}.png")
 
 
 def names_of(scene: bpy.types.Scene) -> list[str]:
-    """The names of the viewers that are on; that an entry has no camera is told when it is read."""
+    """Names of the active viewers; reading reports an entry without a camera."""
     return [seat.camera.name for seat in seats_of(scene) if seat.camera is not None]
 
 
 def open_images(scene: bpy.types.Scene, file: str) -> int:
-    """Give each viewer that is on the image in its file, and return how many these are.
+    """Give each active viewer the image in its file; returns their number.
 
-    Raises ImageError, and changes nothing, where one cannot be read; RigError as `files_of` does.
+    Raises ImageError, and changes nothing, if one cannot be read; RigError like `files_of`.
     """
     before = set(bpy.data.images)
     try:
@@ -87,7 +91,7 @@ def open_images(scene: bpy.types.Scene, file: str) -> int:
 
 
 def check_images(scene: bpy.types.Scene, file: str) -> None:
-    """Raise the error of `open_images`; nothing is changed."""
+    """Raise the error of `open_images` without changing anything."""
     before = set(bpy.data.images)
     try:
         for name, path in files_of(scene, file).items():
@@ -97,7 +101,7 @@ def check_images(scene: bpy.types.Scene, file: str) -> None:
 
 
 def give(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:
-    """Have the viewers of some names see these images, in their own pixels."""
+    """Set the own images of the named viewers."""
     ours = scene.kiriko
     ours.picture_source = "IMAGE"
     if not len(ours.viewers):
@@ -113,7 +117,7 @@ def _opened(path: Path, viewer: str) -> bpy.types.Image:
     owner, known = Message("the viewer '{viewer}'", viewer=viewer), set(bpy.data.images)
     try:
         image = bpy.data.images.load(str(path), check_existing=True)
-        if image.source == "SEQUENCE":  # it is loaded as the first of one, another picture
+        if image.source == "SEQUENCE":  # a sequence would show another picture
             image = bpy.data.images.load(str(path))
     except RuntimeError:
         raise ImageError(
@@ -190,7 +194,7 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
         scene, other = context.scene, self._other(context.scene)
         context.view_layer.update()
         depsgraph = context.evaluated_depsgraph_get()
-        # refuses those that are none, or twice there
+        # raises an error for missing or repeated viewers
         check_together(read_viewers(depsgraph, scene), (), has_mirrors=True)
         eyes = [eye_of(one.camera, depsgraph) for one in seats_of(scene)]
 
@@ -215,7 +219,7 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
         )
 
     def _other(self, scene: bpy.types.Scene) -> bpy.types.Scene:
-        """The scene to be rendered; RigError where none is meant, or it cannot be changed."""
+        """The scene to render; RigError if it is ambiguous or cannot be changed."""
         others = [one for one in bpy.data.scenes if one != scene]
         found = [one for one in others if one.name == self.scene] if self.scene else others
         if len(found) != 1:
@@ -229,9 +233,7 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
 
 
 def _replace(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:
-    """Give viewers their images; those that were rendered before, also for eyes that are
-    gone, go, if nobody else has them.
-    """
+    """Set the viewers' images, and remove unused earlier renders."""
     give(scene, images)
     remove_unused()
     for name, image in images.items():

@@ -1,4 +1,4 @@
-"""The list of viewers: add, remove and move an entry; two eyes, and heads over a box."""
+"""The list of viewers: add, remove and move entries; two eyes, and a grid of heads."""
 
 from collections.abc import Iterator
 
@@ -55,7 +55,7 @@ class KIRIKO_OT_add_viewer(_OfList, bpy.types.Operator):
 
 
 class _OfSeveral(_OfList):
-    """Mix-in for an operator on the chosen entry of a list that is there."""
+    """Mix-in for an operator on the active entry of a non-empty list."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -101,7 +101,7 @@ class KIRIKO_OT_move_viewer(_OfSeveral, bpy.types.Operator):
 
 
 class _InPlace(_OfList):
-    """Mix-in for an operator that puts made cameras in the place of the first viewer."""
+    """Mix-in for an operator that replaces the first viewer by new cameras."""
 
     def change(self, context: bpy.types.Context) -> None:
         camera = camera_at(context.scene, 0)
@@ -112,7 +112,7 @@ class _InPlace(_OfList):
         places = list(self.places(context, camera, viewer))
         if compared.is_shown(context.scene):
             compared.leave()
-        with look_through.apart(context.scene):  # a view keeps the camera that it looks through
+        with look_through.apart(context.scene):  # a view keeps its camera
             made = make_viewers(context.scene, camera, places)
         context.view_layer.update()
         text = Message(
@@ -132,12 +132,12 @@ class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):
     def places(
         self, context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
     ) -> Iterator[EyePlace]:
-        """Where the eyes are, and how they look; RigError where their distances are none."""
+        """Places and directions of the eyes; RigError if their distances are invalid."""
         stereo, metres = camera.data.stereo, length_of_unit(context.scene)
         apart, away = (
             metres * x for x in (stereo.interocular_distance, stereo.convergence_distance)
         )
-        if not (0 < apart < MOST_LENGTH and away > 0):  # nor NaN
+        if not (0 < apart < MOST_LENGTH and away > 0):  # true for NaN as well
             raise RigError(
                 "The eyes of '{viewer}' are {apart:g} m apart and converge at {away:g} m: set both"
                 " in its camera's Stereoscopy.",
@@ -176,7 +176,7 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
     def places(
         self, context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
     ) -> Iterator[EyePlace]:
-        """Where the heads are, and how they look; RigError where one is at the picture."""
+        """Places and directions of the heads; RigError if one is at the picture."""
         n = int(np.prod(self.heads))
         if not 1 < n <= MOST:
             raise RigError("The grid has {n} heads: set 2 to {most} in all.", n=n, most=MOST)
@@ -184,7 +184,7 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
         if not self.properties.is_property_set("box"):
             self.box = [length / metres for length in BOX]
         sizes = metres * np.array(self.box)
-        if not (sizes < MOST_LENGTH).all():  # nor NaN
+        if not (sizes < MOST_LENGTH).all():  # true for NaN as well
             raise RigError(
                 "The grid measures {right:g} x {up:g} x {forward:g} m: set three lengths.",
                 **dict(zip(AXES, sizes, strict=True)),
@@ -198,13 +198,15 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
 def _looked_at(
     context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
 ) -> tuple[Floats, Message]:
-    """The point (3,) m that heads look at, and its name: the picture's middle; where that is in the
-    viewers' own pixels, the point straight ahead at which two eyes would converge.
+    """The point (3,) m that heads look at, and its name.
+
+    It is the picture's centre, or for a picture in the viewers' pixels the point straight ahead at
+    which two eyes converge.
     """
     scene = context.scene
     if scene.kiriko.picture_source == "IMAGE":
         away = length_of_unit(scene) * camera.data.stereo.convergence_distance
-        if not away > 0:  # NaN, by a script
+        if not away > 0:  # NaN from a script
             raise RigError(
                 "The viewer '{viewer}' converges at {away:g} m: set a length in its camera's"
                 " Stereoscopy.",

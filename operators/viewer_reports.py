@@ -1,4 +1,4 @@
-"""Numbers of each of several viewers, in words, too; and the viewers that somebody asked for."""
+"""Figures of each of several viewers, also in words, and the viewers chosen on the command line."""
 
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
@@ -25,13 +25,15 @@ from ..core.solve.disagreement import is_sharp
 from ..core.solve.solution import Solution
 from .folder import names_for
 
-IN_PLANE = 1e-6  # m, from which a depth is told
+IN_PLANE = 1e-6  # m, smallest depth that is reported
 N_ALL = N_POINTS**2  # points of the picture
 
 
 def lines(scene: bpy.types.Scene, numbers: dict[str, Any]) -> Iterator[Message]:
-    """All that is told: each viewer, the worst first, their conflict, two eyes or why two are no
-    pair; nothing where there is one viewer.
+    """Lines on each viewer, the worst first, their conflict, and two eyes; none for a single
+    viewer.
+
+    If two viewers are not a pair of eyes, the reason is given.
     """
     yield from (of_viewer(one) for one in numbers.get("viewers", ()))
     if "conflict" in numbers:
@@ -46,7 +48,7 @@ def lines(scene: bpy.types.Scene, numbers: dict[str, Any]) -> Iterator[Message]:
 
 
 def of_viewer(one: dict[str, Any]) -> Message:
-    """One line on a viewer: what it sees of the picture, and how far off."""
+    """A line on a viewer: what it sees of the picture, and its error."""
     share = percent(one["coverage"])
     parts = [Message("'{viewer}' sees {share} of the picture", viewer=one["viewer"], share=share)]
     is_displaced = one.get("largest_px") is not None
@@ -74,7 +76,7 @@ def of_viewer(one: dict[str, Any]) -> Message:
 
 
 def of_conflict(conflict: dict[str, Any]) -> Message:
-    """By how much viewers disagree about the pixel that they disagree about most."""
+    """Conflict of the viewers at the worst pixel."""
     if conflict["unit"] == "px":
         return Message(
             "Conflict at most {largest} px of the picture", largest=number(conflict["largest"])
@@ -83,8 +85,9 @@ def of_conflict(conflict: dict[str, Any]) -> Message:
 
 
 def of_pair(scene: bpy.types.Scene, pair: dict[str, Any]) -> list[Message]:
-    """At which depth two eyes see the picture, in the scene's unit, how many points of it where it
-    is not all, and vertical disparity.
+    """Depth of the picture for two eyes, in the scene's unit, and vertical disparity.
+
+    The number of points is given if it is not all.
     """
     mean, largest = (
         Message("beyond infinity")
@@ -116,36 +119,36 @@ def of_pair(scene: bpy.types.Scene, pair: dict[str, Any]) -> list[Message]:
 
 
 def is_tiring(pair: dict[str, Any]) -> bool:
-    """Do two eyes see so much vertical disparity that people tire?"""
-    limit = pair.get("tires_from_arcmin")  # results of before do not have it
+    """Whether vertical disparity is large enough to tire eyes."""
+    limit = pair.get("tires_from_arcmin")  # missing in older results
     return bool(limit) and pair["largest_vertical_arcmin"] >= limit
 
 
 def tiring(pair: dict[str, Any]) -> Message:
-    """From which vertical disparity on they do."""
+    """The limit of vertical disparity."""
     return Message("Eyes tire above {limit} arcmin", limit=number(pair["tires_from_arcmin"]))
 
 
 CONFLICT = "conflict"
-ALL = "all"  # in place of a viewer's name, or a rig's
+ALL = "all"  # placeholder for a viewer's or a rig's name
 
 
 class ViewerReports(NamedTuple):
-    """What is told of several viewers: by the names under which a result keeps it, and an image."""
+    """Figures of several viewers by their keys in a result, and an image."""
 
     numbers: dict[str, Any]
     conflict: Conflict | None = None
 
 
 def reports_of(solution: Solution, settings: Settings) -> Generator[float, None, ViewerReports]:
-    """What is told of several viewers; nothing where there is one. Yields progress 0..1.
+    """Figures of several viewers; empty for a single one. Yields progress 0..1.
 
-    viewers : a report for each, the worst first; of a picture that is no flat rectangle only
-        coverage is told
-    conflict : its unit and the largest; of places where a pixel shows the mean of these, else of
+    viewers : a report for each, the worst first; only coverage unless the picture is a flat
+        rectangle
+    conflict : its unit and largest value, of places if pixels show a mean place, otherwise of
         colours
-    two_eyes : as `pair_seen` tells of it, where they are a pair
-    no_pair : why two are none
+    two_eyes : from `pair_seen`, for a pair
+    no_pair : reason why two viewers are not a pair
     """
     if len(solution.channels) < 2:
         return ViewerReports({})
@@ -177,7 +180,7 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
 
 
 def _of_pair(solution: Solution) -> dict[str, Any]:
-    """What is told of two viewers together, by its name; nothing of more."""
+    """Figures of two viewers together, by key; empty for more."""
     if len(solution.channels) != 2:
         return {}
     try:
@@ -189,10 +192,10 @@ def _of_pair(solution: Solution) -> dict[str, Any]:
 
 
 def pair_seen(solution: Solution) -> dict[str, Any] | None:
-    """At which depth two viewers that are a pair of eyes see the picture, m in front of its plane,
-    and vertical disparity; None where they are no pair, or no point is seen by both.
+    """Depth, m in front of the picture's plane, and vertical disparity for a pair of eyes.
 
-    A depth is None where it is beyond infinity.
+    None if the viewers are not a pair, or no point is seen by both. A depth beyond infinity is
+    None.
     """
     try:
         left, right, sights = sights_of(solution)
@@ -219,9 +222,7 @@ def _finite(depth: float) -> float | None:
 
 
 def asked_for(scene: bpy.types.Scene, names: list[str]) -> list[str]:
-    """Names of the viewers that a command asks for, `all` of them, or some; RigError where there is
-    none of a name.
-    """
+    """Viewers requested by name, or `all`; RigError for an unknown name."""
     known = [seat.camera.name for seat in seats_of(scene) if seat.camera is not None]
     if names == [ALL]:
         return known
@@ -236,7 +237,7 @@ def asked_for(scene: bpy.types.Scene, names: list[str]) -> list[str]:
 
 
 def file_names(scene: bpy.types.Scene, names: list[str]) -> dict[str, str]:
-    """The files of viewers that a command asks for, by the image in them."""
+    """Files of the requested viewers, by image."""
     asked, known = asked_for(scene, names), asked_for(scene, [ALL])
     found = {
         f"{kind} {name}": f"{kind}_{of_name}.png"
@@ -250,8 +251,8 @@ def file_names(scene: bpy.types.Scene, names: list[str]) -> dict[str, str]:
 def images_of(
     solution: Solution, scene: bpy.types.Scene, names: list[str], conflict: Conflict | None
 ) -> Generator[float, None, dict[str, NDArray[np.float32]]]:
-    """What viewers see, by the names of `file_names`: the picture as they would see it straight,
-    and what they do see; and the numbers of the conflict that is told of them, where there is one.
+    """Ideal and seen images of viewers, by the keys of `file_names`, and figures of their conflict.
+
     Yields progress 0..1.
     """
     asked = asked_for(scene, names)
@@ -269,7 +270,7 @@ def images_of(
 
 
 def choose_alone(scene: bpy.types.Scene, name: str) -> None:
-    """Turn the scene's other viewers off; RigError where none of this name is on."""
+    """Turn all other viewers off; RigError if none of this name is on."""
     asked_for(scene, [name])
     listed = scene.kiriko.viewers
     for n, one in enumerate(listed):
@@ -282,7 +283,7 @@ def choose_alone(scene: bpy.types.Scene, name: str) -> None:
 
 @contextmanager
 def naming_rig(name: str | None) -> Iterator[None]:
-    """Have errors begin with the name of a rig; with none as they are."""
+    """Prefix errors with the name of a rig, if there is one."""
     try:
         yield
     except KirikoError as error:
@@ -293,7 +294,7 @@ def naming_rig(name: str | None) -> Iterator[None]:
 
 @contextmanager
 def naming_viewer(name: str | None) -> Iterator[None]:
-    """The same with the name of a viewer."""
+    """Prefix errors with the name of a viewer."""
     try:
         yield
     except KirikoError as error:

@@ -1,10 +1,9 @@
-"""Watch: tells when the scene is no longer the one that
-the result was solved for, and when it is again. So it does of surfaces that were made for a rig.
+"""Watches whether the scene still matches its result, and surfaces their rig.
 
-Handlers only note that something may have changed. A timer of the application waits until nothing
-has changed for a while and no work is under way, and then reads the scene as
-`core/blender/result/scene_fingerprint.py` does, which puts no mesh into the world. Nothing is read
-if there is no result and no such surface. Only numbers and session uids are remembered.
+Handlers only note a possible change. A timer waits until nothing has changed for a while and no
+work is under way, then reads the scene like `core/blender/result/scene_fingerprint.py`, which
+transforms no mesh. Nothing is read without a result or a surface. Only numbers and session uids are
+stored.
 """
 
 from collections.abc import Callable
@@ -26,21 +25,21 @@ from . import outdated_surfaces as surfaces
 
 CHANGED = Message("The scene has changed: solve again.")
 QUIET = 0.4  # s without a change before the scene is read
-TICK = 0.2  # s between two looks
-# times as long as the last reading of its kind took it has to be quiet before the next one
+TICK = 0.2  # s between checks
+# required quiet time, relative to the last reading of its kind
 SHARE = 5.0
-# s after which an operator that only waits, as some add-ons' do, is no reason not to read
+# s after which an operator that only waits, as in some add-ons, no longer prevents reading
 PATIENCE = 10.0
 
 
 @dataclass(eq=False)
 class Watched:
-    """A scene that has a result, or a surface.
+    """A scene with a result or a surface.
 
-    verdicts : scenes that results were solved for, and rigs that surfaces were made for, as text,
-        and whether they have changed since: of each rig's, by the last look while it was active
-    changed_at : when the last change was noticed; None where all has been looked at
-    lasted : s that the last reading took, where only places and settings had changed, and else
+    verdicts : by the text of a result's scene or a surface's rig, whether it has changed since; as
+        last checked while the rig was active
+    changed_at : time of the last noticed change; None once checked
+    lasted : s of the last reading, if only places and settings had changed, and otherwise
     """
 
     kept: ShapeCache = field(default_factory=ShapeCache)
@@ -51,7 +50,7 @@ class Watched:
     lasted: dict[bool, float] = field(default_factory=dict)
 
     def poll(self, scene: bpy.types.Scene) -> None:
-        """Compare the parts that Blender does not tell of: settings, and the result itself."""
+        """Poll what Blender does not report: settings, and the result itself."""
 
         def read() -> tuple[object, ...]:
             made_for = surfaces.rigs_made_for(scene)
@@ -61,12 +60,12 @@ class Watched:
             self.touch()
 
     def touch(self) -> None:
-        """Something has changed that may count."""
+        """Note a change that may matter."""
         self.changed_at = monotonic()
 
     @property
     def is_due(self) -> bool:
-        """Has it been quiet for long enough after a change?"""
+        """Whether it has been quiet for long enough after a change."""
         wait = max(QUIET, SHARE * self.lasted.get(self.kept.is_whole, 0.0))
         return self.changed_at is not None and monotonic() - self.changed_at >= wait
 
@@ -75,10 +74,9 @@ _watched: dict[int, Watched] = {}  # by session uid of the scene
 
 
 def has_changed(context: bpy.types.Context, kept: ShapeCache | None = None) -> bool:
-    """Is the scene, read now, another one than the result was solved for?
+    """Whether the scene, read now, differs from the one the result was solved for.
 
-    A result that does not know its scene is taken as it is. A scene that
-    cannot be read has changed, for when it was solved it could be read.
+    A result without a record counts as current. A scene that cannot be read has changed.
     """
     return is_another(context.scene.kiriko.result.solved_for, work.scene_now, context, kept)
 
@@ -86,7 +84,9 @@ def has_changed(context: bpy.types.Context, kept: ShapeCache | None = None) -> b
 def has_rig_changed(
     context: bpy.types.Context, made_for: str, kept: ShapeCache | None = None
 ) -> bool:
-    """Is the rig, read now, another one than a surface was made for? As `has_changed`."""
+    """Whether the rig, read now, differs from the one a surface was made for; like
+    `has_changed`.
+    """
     return is_another(made_for, work.rig_now, context, kept)
 
 
@@ -96,7 +96,7 @@ def is_another(
     context: bpy.types.Context,
     kept: ShapeCache | None,
 ) -> bool:
-    """Is the scene another one than that of a fingerprint? No, where the text is no fingerprint."""
+    """Whether the scene differs from a fingerprint; False if the text is not a fingerprint."""
     before = from_text(text)
     if before is None:
         return False
@@ -107,9 +107,9 @@ def is_another(
 
 
 def is_reported_changed(scene: bpy.types.Scene) -> bool:
-    """The panels' verdict, by the last look.
+    """Verdict for panels, from the last check.
 
-    While Live follows the scene its results are of the scene as it is.
+    While Live follows the scene, its results are current.
     """
     watched = _watched.get(scene.session_uid)
     if watched is None or is_followed(scene):
@@ -118,32 +118,30 @@ def is_reported_changed(scene: bpy.types.Scene) -> bool:
 
 
 def is_reported_outdated(scene: bpy.types.Scene, name: str) -> bool:
-    """The panels' verdict on a surface, by the last look: was it made for another rig?"""
+    """Verdict on a surface for panels, from the last check."""
     watched = _watched.get(scene.session_uid)
     made_for = surfaces.made_for(scene, name)
     return watched is not None and bool(made_for) and watched.verdicts.get(made_for, False)
 
 
 def is_followed(scene: bpy.types.Scene) -> bool:
-    """Does Live follow the scene, and can?"""
+    """Whether Live follows the scene without a problem."""
     return live.follows(scene) and not live.followed().problem
 
 
 def tick() -> float:
-    """Called by the timer."""
+    """Timer callback."""
     try:
         check_result()
     except Exception as error:
-        telling.sentence(
-            error, Message("The scene check")
-        )  # which prints errors that were not foreseen
+        telling.sentence(error, Message("The scene check"))  # prints unexpected errors
         _watched.clear()
         return PATIENCE
     return TICK
 
 
 def check_result() -> None:
-    """Read one scene that is shown, has a result and may have changed; if it is time to."""
+    """Read one visible scene with a result that may have changed, if it is time."""
     shown = {window.scene.session_uid: window for window in reversed(windows.all_windows())}
     for gone in set(_watched) - set(shown):
         del _watched[gone]
@@ -166,7 +164,7 @@ def check_result() -> None:
 
 
 def is_busy(watched: Watched) -> bool:
-    """Is something at work or in the user's hands that reading the scene would hold up?"""
+    """Whether work or the user would be held up by reading the scene."""
     shown = windows.all_windows()
     if work.is_busy() or any(window.screen.is_animation_playing for window in shown):
         return True
@@ -175,12 +173,12 @@ def is_busy(watched: Watched) -> bool:
 
 
 def check(watched: Watched, window: bpy.types.Window) -> None:
-    """Read the scene that a window shows, and compare."""
+    """Read the scene of a window, and compare."""
     with bpy.context.temp_override(window=window):
         context = bpy.context
         started = perf_counter()
         context.view_layer.update()
-        watched.changed_at = None  # the change that the update above told of is in the reading
+        watched.changed_at = None  # the reading includes the change that triggered it
         is_short = watched.kept.is_whole
         result = context.scene.kiriko.result
         others = (rig.kiriko.result.solved_for for rig in rigs(context.scene))
@@ -189,7 +187,7 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
         for text in surfaces.rigs_made_for(context.scene):
             verdicts[text] = has_rig_changed(context, text, watched.kept)
         context.view_layer.update()
-        watched.changed_at = None  # this one told of what reading itself made and removed
+        watched.changed_at = None  # triggered by objects that reading itself made and removed
         watched.lasted[is_short] = perf_counter() - started
     if verdicts != watched.verdicts:
         watched.verdicts = verdicts
@@ -198,7 +196,7 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
 
 @persistent
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Blender evaluated a change; whether it counts shows when the scene is read."""
+    """Note a change evaluated by Blender; reading decides whether it matters."""
     for watched in _watched.values():
         watched.kept.notice(depsgraph, watched.ours)
         watched.touch()
@@ -206,7 +204,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """Shapes and pixels that are kept may have been put back."""
+    """Handle undo, which may restore cached shapes and pixels."""
     work.forget_written()
     for watched in _watched.values():
         watched.kept = ShapeCache()
@@ -216,7 +214,7 @@ def on_undo(*_: object) -> None:
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file, whose result is looked at anew: it is whole if its image was saved with it."""
+    """Handle another file: its result is complete if its image was saved with it."""
     work.forget_written()
     for scene in bpy.data.scenes:
         source = scene.kiriko.result.source
@@ -227,7 +225,7 @@ def on_load(*_: object) -> None:
 
 HANDLERS = (
     ("depsgraph_update_post", on_update),
-    ("frame_change_post", on_update),  # animated objects may stand elsewhere
+    ("frame_change_post", on_update),  # animated objects may have moved
     ("undo_post", on_undo),
     ("redo_post", on_undo),
     ("load_post", on_load),
@@ -235,11 +233,11 @@ HANDLERS = (
 
 
 def register() -> None:
-    """Begin to watch."""
+    """Start watching."""
     work.follow(tick, TICK, HANDLERS)
 
 
 def unregister() -> None:
-    """Watch no more."""
+    """Stop watching."""
     work.stop_following(tick, HANDLERS)
     _watched.clear()

@@ -1,4 +1,4 @@
-"""All windows of Blender, and what is drawn in them."""
+"""Blender's windows, and redrawing them."""
 
 import bpy
 
@@ -11,17 +11,17 @@ def all_windows() -> list[bpy.types.Window]:
 
 
 def redraw() -> None:
-    """Have panels, viewports, image editors and show windows drawn again."""
+    """Redraw panels, viewports, image editors and show windows."""
     for window in all_windows():
         for area in window.screen.areas:
-            # the last: show windows
+            # the last for show windows
             is_ours = area.type in {"VIEW_3D", "IMAGE_EDITOR", "TEXT_EDITOR"}
             if is_ours or (area.type == "PROPERTIES" and area.spaces.active.context == "OBJECT"):
                 area.tag_redraw()
 
 
 def redraw_sidebars() -> None:
-    """Have the sidebars of all viewports drawn again, and nothing else."""
+    """Redraw only the sidebars of all viewports."""
     for window in all_windows():
         for area in window.screen.areas:
             for region in area.regions if area.type == "VIEW_3D" else ():
@@ -30,14 +30,15 @@ def redraw_sidebars() -> None:
 
 
 def image_editors() -> list[bpy.types.SpaceImageEditor]:
-    """The image editors of all windows."""
+    """Image editors of all windows."""
     areas = (area for window in all_windows() for area in window.screen.areas)
     return [area.spaces.active for area in areas if area.type == "IMAGE_EDITOR"]
 
 
 def show_image(image: bpy.types.Image, result: bpy.types.PropertyGroup) -> None:
-    """Show an image of a result where the artist looks: in the panel, and in image editors
-    that show none, a render, or another image of that result.
+    """Show an image of a result in the panel, and in image editors that are free for it.
+
+    These show nothing, a render, or another image of the result.
     """
     result.shown = image
     ours = {None, *images_of(result)}
@@ -47,21 +48,19 @@ def show_image(image: bpy.types.Image, result: bpy.types.PropertyGroup) -> None:
 
 
 def show_where_empty(image: bpy.types.Image) -> None:
-    """Show an image that is no final one in image editors that show none: a render that is open
-    has to be there yet if nothing better than this comes.
-    """
+    """Show a preliminary image in empty image editors; an open render is left alone."""
     for space in image_editors():
         if space.image is None:
             space.image = image
 
 
 def camera_of(space: bpy.types.SpaceView3D, scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The camera that a 3D view looks through when it looks through one."""
+    """Camera of a 3D view in camera view."""
     return space.camera if space.use_local_camera else scene.camera
 
 
 def view_of(context: bpy.types.Context) -> bpy.types.Area | None:
-    """The 3D view that is worked in: the one of the context, else the window's largest."""
+    """The 3D view in use: of the context, otherwise the window's largest."""
     if context.window is None:
         return None
     if context.area is not None and context.area.type == "VIEW_3D":

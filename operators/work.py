@@ -1,4 +1,4 @@
-"""Shared by the operators: the scene as it is read, the session, and the work that is under way."""
+"""Shared state of the operators: the read scene, the session, and running work."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -16,26 +16,26 @@ from ..core.solve.solved_for import SolvedFor
 
 _sessions: list[Session] = []
 _legible: dict[str, Any] = {}
-_running: list[Any] = []  # operators with long work
-# what whole results were solved for, by session uid of the scene: until undo, which puts back the
-# image apart from its record
+_running: list[Any] = []  # running operators with long work
+# Fingerprints of complete results by session uid of the scene; cleared by undo, which restores an
+# image without its record.
 _written: dict[int, str] = {}
 
 
 def session() -> Session:
-    """The one session; it keeps all that need not be computed again from click to click."""
+    """The only session; it caches results from click to click."""
     if not _sessions:
         _sessions.append(Session())
     return _sessions[0]
 
 
 def legible() -> dict[str, Any]:
-    """The last answer on how legible the picture is, by what was asked; kept as the session is."""
+    """Cache of the picture's last legibility, dropped with the session."""
     return _legible
 
 
 def forget() -> None:
-    """Stop all that is running, which Blender would drop without a word, and drop the session."""
+    """Stop all running work, which Blender would drop silently, and drop the session."""
     for operator in list(_running):
         with bpy.context.temp_override(window=operator.window):
             operator.cancel(bpy.context)
@@ -44,12 +44,12 @@ def forget() -> None:
 
 
 def note_written(scene: bpy.types.Scene) -> None:
-    """A scene's result is whole now."""
+    """Mark a scene's result as complete."""
     _written[scene.session_uid] = scene.kiriko.result.solved_for
 
 
 def is_written(scene: bpy.types.Scene, solved_for: str) -> bool:
-    """Is a scene's result whole, and that of a scene, as nothing has been undone since?"""
+    """Whether a scene's result is complete and belongs to a scene, with nothing undone since."""
     result = scene.kiriko.result
     is_whole = not result.is_coarse and not lacks_numbers(result)
     is_of_it = _written.get(scene.session_uid) == result.solved_for == solved_for
@@ -57,26 +57,26 @@ def is_written(scene: bpy.types.Scene, solved_for: str) -> bool:
 
 
 def forget_written() -> None:
-    """Take no result for whole, as after undo."""
+    """Treat all results as incomplete, as after undo."""
     _written.clear()
 
 
 def forget_report(scene: bpy.types.Scene) -> None:
-    """Drop what Add Rig said of the light as it went before a change; of a result it is told that
-    it is old.
+    """Drop Add Rig's report on light, which a change has outdated; a result is marked as outdated
+    instead.
     """
     if scene.kiriko.result.source is None:
         scene.kiriko.result.summary = scene.kiriko.result.details = ""
 
 
 def listen(handlers: Iterable[tuple[str, Callable]]) -> None:
-    """Have Blender call functions, by the names of their lists in bpy.app.handlers."""
+    """Register functions as handlers, by the lists of bpy.app.handlers."""
     for name, handler in handlers:
         getattr(bpy.app.handlers, name).append(handler)
 
 
 def stop_listening(handlers: Iterable[tuple[str, Callable]]) -> None:
-    """Take them back, those that are still there."""
+    """Unregister those that are still there."""
     for name, handler in handlers:
         listening = getattr(bpy.app.handlers, name)
         if handler in listening:
@@ -86,38 +86,38 @@ def stop_listening(handlers: Iterable[tuple[str, Callable]]) -> None:
 def follow(
     tick: Callable[[], float], after: float, handlers: Iterable[tuple[str, Callable]]
 ) -> None:
-    """Have Blender call a function by a timer, first after so many s, and handlers."""
+    """Register a timer, first due after some seconds, and handlers."""
     listen(handlers)
     bpy.app.timers.register(tick, first_interval=after, persistent=True)
 
 
 def stop_following(tick: Callable[[], float], handlers: Iterable[tuple[str, Callable]]) -> None:
-    """Take the timer and the handlers back."""
+    """Unregister the timer and the handlers."""
     if bpy.app.timers.is_registered(tick):
         bpy.app.timers.unregister(tick)
     stop_listening(handlers)
 
 
 def running() -> Any | None:
-    """The operator with long work that is under way, with its `progress`, 0 to 1."""
+    """The running operator with long work, with its `progress`, 0 to 1."""
     return _running[0] if _running else None
 
 
 def is_busy() -> bool:
-    """Is one of the operators at work, or a render, so that
-    nothing else may touch session and results?
+    """Whether an operator or a render is running, so that session and results must not be
+    touched.
     """
     return bool(_running) or bpy.app.is_job_running("RENDER")
 
 
 def read(context: bpy.types.Context, kept: ShapeCache | None = None) -> Any:
-    """The scene, evaluated as it is now, as blender_scene.Reading."""
+    """The scene, read as evaluated now."""
     context.view_layer.update()
     return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
 
 
 def scene_now(context: bpy.types.Context, kept: ShapeCache | None = None) -> SolvedFor:
-    """The fingerprint of the scene as it is now."""
+    """Fingerprint of the scene as it is now."""
     context.view_layer.update()
     scene = context.scene
     return blender_solved_for.scene_now(
@@ -126,7 +126,7 @@ def scene_now(context: bpy.types.Context, kept: ShapeCache | None = None) -> Sol
 
 
 def rig_now(context: bpy.types.Context, kept: ShapeCache | None = None) -> SolvedFor:
-    """The fingerprint of the rig as it is now: the same, but for what is painted."""
+    """Fingerprint of the rig as it is now, without what is painted."""
     context.view_layer.update()
     scene = context.scene
     settings = settings_of(scene).of_optics
@@ -136,7 +136,7 @@ def rig_now(context: bpy.types.Context, kept: ShapeCache | None = None) -> Solve
 
 
 def settings_of(scene: bpy.types.Scene) -> Settings:
-    """How the scene wants to be solved, by as many threads as may render it."""
+    """Settings of the scene's solve, with as many threads as its renders."""
     loading.use_threads(scene.render.threads)
     ours = scene.kiriko
     return Settings(

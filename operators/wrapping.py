@@ -1,6 +1,4 @@
-"""Sentences broken into lines as wide as the region that they are drawn in: the sidebar's panels
-and dialogues.
-"""
+"""Wraps sentences to the width of a sidebar or dialogue."""
 
 import re
 import unicodedata
@@ -11,23 +9,23 @@ import bpy
 
 from .telling import in_words
 
-FONT = 0  # Blender's own, which its labels are drawn in
-POINTS = 11.0  # its size at a scale of 1, where the theme does not tell
-MARGIN = 88  # px beside the text: borders, tabs, icon, and the space before the text is cut
-LEAST = 60.0  # px: in a region that is narrower the text is cut off
-WIDE = {"W", "F"}  # Unicode's word for letters of scripts that are written without spaces
-ENDING, BEGINNING = {"Pe", "Pf", "Po"}, {"Ps", "Pi"}  # marks that end and begin words
-# what a number is not parted from
+FONT = 0  # Blender's font for labels
+POINTS = 11.0  # size at a scale of 1, if the theme gives none
+MARGIN = 88  # px next to the text: borders, tabs, icon, and a margin
+LEAST = 60.0  # px: text is cut off in a narrower region
+WIDE = {"W", "F"}  # Unicode line breaking class of scripts without spaces
+ENDING, BEGINNING = {"Pe", "Pf", "Po"}, {"Ps", "Pi"}  # closing and opening marks
+# units that stay with their number
 UNIT = re.compile(r"(?<=\d )(%|[kcm]?m|px|s)(?!\w)")
-# kana and the mark of a long vowel, with which no line of Japanese begins
-LONGEST = 2000  # characters of a sentence: a file may hold a text of any length
+# kana and the long vowel mark, which begin no line of Japanese
+LONGEST = 2000  # characters of a sentence; a file may hold a text of any length
 SMALL = set("ぁぃぅぇぉっゃゅょァィゥェォッャュョー")
 
 
 def sentence(
     layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE"
 ) -> None:
-    """Draw a sentence over as many lines as it takes; the icon stands at the first."""
+    """Draw a sentence over as many lines as it needs, with the icon at the first."""
     scale = context.preferences.system.ui_scale
     column = layout.column(align=True)
     column.scale_y = 0.8
@@ -37,18 +35,18 @@ def sentence(
 
 
 def points_of(context: bpy.types.Context) -> float:
-    """The size of the letters of labels at a scale of 1."""
+    """Font size of labels at a scale of 1."""
     styles = context.preferences.ui_styles
     return float(styles[0].widget.points) if len(styles) else POINTS
 
 
-@lru_cache(maxsize=512)  # panels are drawn again at each move of the mouse
+@lru_cache(maxsize=512)  # panels are redrawn at each mouse move
 def wrapped(text: str, width: float, points: float = POINTS) -> tuple[str, ...]:
-    """Lines no wider than `width`, px, in Blender's own font.
+    """Lines no wider than `width`, px, in Blender's font.
 
-    A line ends at a space, or anywhere beside a letter of a script without spaces, such as
-    Japanese, but not before a mark that closes, nor after one that opens, nor between a number and
-    its unit. A word that is wider than a line, such as a path, is cut.
+    A line ends at a space, or next to a character of a script without spaces, such as Japanese; but
+    not before a closing mark, after an opening one, or between a number and its unit. A word wider
+    than a line, such as a path, is cut.
     """
     blf.size(FONT, points)
     lines: list[str] = []
@@ -68,7 +66,7 @@ def wrapped(text: str, width: float, points: float = POINTS) -> tuple[str, ...]:
 
 
 def _fitting(piece: str, width: float) -> int:
-    """How many letters of a piece fit in a line, one at least."""
+    """Number of characters of a piece that fit in a line, at least one."""
     low, high = 1, len(piece)
     while high - low > 1:
         middle = (low + high) // 2
@@ -80,7 +78,7 @@ def _fitting(piece: str, width: float) -> int:
 
 
 def pieces(text: str) -> list[str]:
-    """A text in pieces between which a line may end; together they are the text."""
+    """Pieces of a text between which a line may end; joined, they are the text."""
     found: list[str] = []
     start = 0
     for k in range(1, len(text)):
@@ -92,7 +90,7 @@ def pieces(text: str) -> list[str]:
 
 
 def _is_break(before: str, after: str) -> bool:
-    """May a line end between two letters that follow each other?"""
+    """Whether a line may end between two successive characters."""
     if before == " ":
         return True
 

@@ -1,1 +1,1 @@
-"""The command line: its verbs, and the folders that they write."""
+"""The command line: its verbs, and the folders they write."""

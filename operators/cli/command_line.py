@@ -1,6 +1,4 @@
-"""`blender --background FILE --command kiriko VERB --out
-DIR`: solve, measure or calibrate a saved rig.
-"""
+"""`blender --background FILE --command kiriko VERB --out DIR`: work on a saved rig."""
 
 import argparse
 import json
@@ -39,16 +37,19 @@ from ..viewer_reports import ALL, choose_alone
 from . import each_rig, farm_verbs, to_folder
 from .usage import AS_IS, VALUES, UsageError, as_is, check, count, path
 
-USAGE_ERROR = 2  # exit code, as other commands have it
-NEGATIVE = re.compile(r"-(\.?\d|inf|nan)")  # how a number below 0 begins, with an exponent or not
+USAGE_ERROR = 2  # exit code for usage errors, as usual for commands
+NEGATIVE = re.compile(
+    r"-(\.?\d|inf|nan)"
+)  # beginning of a negative number, with or without an exponent
 OPTION = re.compile(r"--[a-z]|-h$")
 SET = "--set"
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that makes one sentence of a mistake, in place of the usage and an exit, and takes
-    -1e9 for a number, any text for the value of --set, and such as begins with one minus for values
-    of --values. Python's own takes them for options.
+    """A parser that reports a mistake in one sentence instead of usage and exit.
+
+    It accepts -1e9 as a number, any text as a value of --set, and texts with one leading minus as
+    values of --values, all of which Python's own parser takes for options.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -56,7 +57,7 @@ class _Parser(argparse.ArgumentParser):
         self._negative_number_matcher = NEGATIVE
 
     def parse_args(self, args: Sequence[str], namespace: Any = None) -> Any:  # type: ignore[override]
-        """The options in some words."""
+        """Options among some words."""
         return super().parse_args(list(_marked(args)), namespace)
 
     def error(self, message: str) -> NoReturn:
@@ -68,7 +69,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _marked(words: Iterable[str]) -> Iterator[str]:
-    """The words of a command line, those marked that are no options although they may look so."""
+    """Words of a command line, with marks on those that only look like options."""
     n_of_set, are_values = 0, False
     for word in words:
         is_value = are_values and OPTION.match(word) is None
@@ -98,7 +99,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _shared() -> argparse.ArgumentParser:
-    """The options of all verbs that work on a rig."""
+    """Add the options of all verbs that work on a rig."""
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument(
         "--out",
@@ -193,7 +194,7 @@ def _add_maps(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser
 
 
 def _pictures(shared: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """The options of verbs that write what display and viewers show."""
+    """Add the options of verbs that write images of display and viewers."""
     pictures = argparse.ArgumentParser(add_help=False, parents=[shared])
     pictures.add_argument(
         "--preview", action="store_true", help="render the viewer's image in Cycles, too"
@@ -280,7 +281,9 @@ def _add_calibrate(verbs: argparse._SubParsersAction, pictures: argparse.Argumen
 
 
 def run(argv: list[str]) -> int:
-    """Called by Blender with the arguments after the command's name; returns the exit code."""
+    """Entry point for Blender, with the arguments after the command's name; returns the exit
+    code.
+    """
     try:
         arguments = parser().parse_args(argv)
         check(arguments)
@@ -308,9 +311,9 @@ def _seconds(text: str) -> float:
 
 
 def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Do the work with the open file's scene, results in a folder; yields lines of progress."""
+    """Work on the open file's scene, results in a folder; yields lines of progress."""
     if not bpy.data.filepath:
-        # Blender goes on with its startup scene when the file it was given is missing
+        # If the given file is missing, Blender goes on with its startup scene.
         raise RigError("No .blend file was loaded: name an existing file before --command.")
     use_bundled_modules()
     yield from find_scene(bpy.context, arguments.rig)
@@ -318,16 +321,16 @@ def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
         if arguments.rig == ALL:
             yield from _each_rig(arguments)
             return
-        if arguments.rig is not None:  # the scene's settings are those of the rig that is chosen
+        if arguments.rig is not None:  # settings are those of the chosen rig
             choose_by_name(bpy.context, arguments.rig)
         yield from set_value.set_values(arguments.set)
         yield from arguments.run(arguments)
 
 
 def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Do the work for each rig of the scene, in a folder of its name; yields lines of progress.
+    """Work on each rig of the scene, results in a folder of its name; yields lines of progress.
 
-    A job has all of them in one: it is written once, by the rig that the file shows.
+    A job covers all rigs, so it is written once.
     """
     own = active_rig(bpy.context.scene)
     is_job = arguments.run == farm_verbs.write_job
@@ -357,7 +360,7 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
 
 def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Solve the scene as it stands, or the frames that are asked for; yields lines of progress."""
+    """Solve the scene, or the requested frames; yields lines of progress."""
     if arguments.only_viewer is not None:
         choose_alone(bpy.context.scene, arguments.only_viewer)
     if arguments.pictures:
@@ -373,10 +376,7 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
 
 def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Measure error against run time and write the report.
-
-    Yields lines of progress, then the table.
-    """
+    """Measure error against run time and write the report; yields progress, then the table."""
     rig = work.read(bpy.context).rig
     if not arguments.overwrite:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
@@ -421,7 +421,7 @@ def _maps(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
 
 def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Fit, keep the result, solve and write the files; yields lines of progress."""
+    """Fit, store the result, solve and write the files; yields lines of progress."""
     image_io.openimageio()
     details = arguments.out / "calibration.json"
     file = arguments.out / "calibrated.blend"

@@ -1,4 +1,4 @@
-"""What the command line would refuse of one of several rigs, before anything is written."""
+"""Checks of all rigs before the command line writes anything."""
 
 import argparse
 from collections.abc import Iterable
@@ -13,9 +13,9 @@ from . import to_folder
 
 
 def check(arguments: argparse.Namespace, folders: dict[str, Path]) -> None:
-    """Raise the error that the work for a rig would begin with; each rig is chosen once.
+    """Raise the first error that work on any of the rigs would begin with; each rig is chosen once.
 
-    folders : for results, by the rigs' names
+    folders : for results, by rig name
     """
     for name, out in folders.items():
         with naming_rig(name):
@@ -26,7 +26,7 @@ def check(arguments: argparse.Namespace, folders: dict[str, Path]) -> None:
 
 def _check_active(arguments: argparse.Namespace) -> None:
     scene, given = bpy.context.scene, vars(arguments)
-    # is the rig, before it is read? another frame may have what this one lacks
+    # Not read here: another frame may have parts that this one does not.
     is_changed = given.get("frames") is not None
     asked_for(scene, given.get("viewers", []))
     if given.get("only_viewer") is not None:
@@ -45,7 +45,7 @@ def _check_active(arguments: argparse.Namespace) -> None:
 
 
 def _files(arguments: argparse.Namespace) -> Iterable[str]:
-    """The files that the work for the active rig writes, as far as they are known before it."""
+    """Files that work on the active rig will write, as far as known in advance."""
     if arguments.verb == "solve":
         if arguments.frames is None:
             return [path.name for path in to_folder.file_names(arguments).values()]
@@ -56,5 +56,5 @@ def _files(arguments: argparse.Namespace) -> Iterable[str]:
         return report.names(work.read(bpy.context).rig)
     if arguments.verb == "eyes":
         return report.files_of(work.read(bpy.context).rig)
-    # of several, those that are there whatever the rest is
+    # only those that exist in any case
     return {"maps": [export_maps.SIDECAR], "drawing": [bench_drawing.NAME]}.get(arguments.verb, [])

@@ -1,4 +1,4 @@
-"""Verbs of the command line for a farm: job, which writes one, and join, its last task."""
+"""Command line verbs for a render farm: job writes one, join is its last task."""
 
 import argparse
 from collections.abc import Generator
@@ -23,7 +23,7 @@ from .usage import VALUES, as_is, path
 
 
 def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
-    """Add both to the command line's."""
+    """Add both to the command line."""
     job = verbs.add_parser(
         "job", parents=[shared], help="write a job for a render farm, in Open Job Description"
     )
@@ -85,7 +85,7 @@ def _add_form(parser: argparse.ArgumentParser) -> None:
 
 
 def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Write the bundle; yields lines of progress."""
+    """Write the job; yields lines of progress."""
     context = bpy.context
     frames = arguments.frames or ""
     if frames == to_folder.SCENE:
@@ -103,7 +103,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if arguments.rig == ALL:
         job = replace(job, rigs=export_job.all_rigs(context))
     elif arguments.rig is not None:
-        choose_by_name(context, arguments.rig)  # told where there is none
+        choose_by_name(context, arguments.rig)  # reports a missing part
         job = replace(job, rigs=export_job.choices([arguments.rig]))
 
     if arguments.viewers:
@@ -113,7 +113,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
         job = replace(job, viewers=export_job.choices(viewers))
 
     job.check()
-    if frames:  # a name that no file can have is told, by the disk where the results come to lie
+    if frames:  # reports an impossible file name, by the disk of the results
         longest = max(frames_of(frames), key=lambda frame: len(str(frame)))
         name = to_folder.name_of(arguments)
         named = frame_files(context.scene, arguments.out, name, arguments.format, [longest])

@@ -1,4 +1,4 @@
-"""Solve to a folder: a rig's images and numbers, or the source images of its frames, as files."""
+"""Solve to a folder: a rig's images and figures, or the source images of its frames."""
 
 import argparse
 import json
@@ -28,13 +28,13 @@ from ..export import gamma_of
 
 Result = TypeVar("Result")
 
-SAMPLES = 16  # rays a pixel of the preview
-# the products that a part of the file may be changed for, by its role
+SAMPLES = 16  # rays per pixel of the preview
+# products that a part of the file may be replaced by, by role
 PRODUCTS = {"plate": PLATES, "display": DISPLAYS, "glass": GLASSES}
 
 
 def file_names(arguments: argparse.Namespace) -> dict[str, Path]:
-    """The files that solving writes, by the image in them."""
+    """Files that solving writes, by image."""
     names = {
         "source": str(image_io.named_for("source", arguments.format)),
         "ideal": "ideal.png",
@@ -42,7 +42,7 @@ def file_names(arguments: argparse.Namespace) -> dict[str, Path]:
         "coverage": "coverage.png",
         "report": "report.json",
     }
-    if not arguments.format.startswith("EXR"):  # else the source itself is linear
+    if not arguments.format.startswith("EXR"):  # otherwise the source itself is linear
         names["linear"] = "source.exr"
     if arguments.preview:
         names["preview"] = "preview.png"
@@ -148,7 +148,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
 def products_given(
     context: bpy.types.Context, arguments: argparse.Namespace
 ) -> Generator[str, None, None]:
-    """Change parts of the open file for the products that are asked for; yields a line on each."""
+    """Apply the requested products to the open file; yields a line for each."""
     for given in _with_products(context, arguments):
         if not given.is_whole:
             raise RigError("{given}", given=given.text)
@@ -156,7 +156,7 @@ def products_given(
 
 
 def _with_products(context: bpy.types.Context, arguments: argparse.Namespace) -> list[Given]:
-    """Change parts of the open file for the products that are asked for."""
+    """Apply the requested products to the open file."""
     check_products(context.scene, arguments)
     parts = needed.parts(context.scene)
     plates, displays, glasses = (
@@ -173,7 +173,7 @@ def _with_products(context: bpy.types.Context, arguments: argparse.Namespace) ->
 
 
 def check_products(scene: bpy.types.Scene, arguments: argparse.Namespace) -> None:
-    """Raise RigError where no part could be a product that is asked for."""
+    """Raise RigError if no part can be a requested product."""
     if arguments.plate and not needed.parts(scene).get("PLATE"):
         raise RigError("The rig has no plate: leave out --plate.")
 
@@ -190,11 +190,11 @@ def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
 
 
 NAME = "source_####"
-SCENE = "scene"  # in place of a list: the frames that the scene would render
+SCENE = "scene"  # stands for the frames that the scene would render
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of frames."""
+    """Add the options of frames."""
     parser.add_argument(
         "--frames",
         metavar="LIST",
@@ -239,19 +239,19 @@ def _card(text: str) -> float:
 
 
 def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, Path]:
-    """The files of the frames that are asked for."""
+    """Files of the requested frames."""
     asked = arguments.frames
     numbers = frames_of_range(scene) if asked == SCENE else frames_of(asked)
     return frame_files(scene, arguments.out, name_of(arguments), arguments.format, numbers)
 
 
 def name_of(arguments: argparse.Namespace) -> str:
-    """The name that is asked for."""
+    """The requested name."""
     return NAME if arguments.name is None else arguments.name
 
 
 def wish_of(arguments: argparse.Namespace, scene: bpy.types.Scene) -> frames.Wish:
-    """The movie that is asked for."""
+    """The requested movie."""
     name = without_number(scene, name_of(arguments)) or "movie"
     return frames.Wish(
         arguments.out / name, arguments.movie, arguments.test_card or 0.0, arguments.overwrite

@@ -1,4 +1,4 @@
-"""What a command line means, and what it cannot mean."""
+"""Values of the command line, and combinations it refuses."""
 
 import argparse
 from pathlib import Path
@@ -7,14 +7,14 @@ from ...core.base.errors import KirikoError
 from ...core.blender.data.paths import absolute
 
 VALUES = "--values"
-AS_IS = "\0"  # before a word that is no option, whatever it begins with: no command line has it
+AS_IS = "\0"  # prefix of a word that only looks like an option
 
 
 class UsageError(KirikoError):
     """The command line cannot be understood."""
 
 
-# by verb: options, and the one without which they would do nothing
+# By verb: options, and the option they depend on.
 NEEDED = {
     "solve": {
         "--name": "--frames",
@@ -37,8 +37,8 @@ def as_is(text: str) -> str:
 
 
 def path(text: str) -> Path:
-    """A file or folder, relative to the open .blend if it begins with //, as everywhere in Blender,
-    else to where the command runs.
+    """A path, relative to the open .blend if it begins with //, otherwise to the working
+    directory.
     """
     if not text:
         raise argparse.ArgumentTypeError("a file or folder needs a name")
@@ -57,7 +57,7 @@ def count(text: str) -> int:
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """Raise UsageError where an option that was given would do nothing."""
+    """Raise UsageError if a given option would do nothing."""
 
     def is_given(option: str) -> bool:
         value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
