@@ -843,7 +843,7 @@ def test_a_rig_may_go_on_without_its_plate(
     assert told(look()) == []
     rig["PLATE"].kiriko.role = "PLATE"
     bpy.data.objects.remove(rig["PLATE"])
-    press(look(), "plate is gone", n=1)
+    press(look(), "plate is missing", n=1)
     assert told(look()) == []
 
 
