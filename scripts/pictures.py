@@ -25,9 +25,8 @@ from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import without_glass
 from kiriko.operators import work
 
-PIXELS = 480  # of a picture of the ball
-SAMPLES = 128
-GALLERY = 640, 480
+PIXELS, SAMPLES = 480, 128  # of a picture of the ball
+GALLERY, GALLERY_SAMPLES = (640, 480), 40  # and the denoiser
 HERO, HERO_SIZE = "goblet", (1200, 675)  # the gallery has its middle
 GALLERY_BYTES, HERO_BYTES = 60_000, 120_000
 SHOULDER = 0.6  # brighter light is compressed
@@ -157,7 +156,13 @@ def run_hero(folder: Path, samples: int) -> Image.Image:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/pictures"), metavar="FOLDER")
-    parser.add_argument("--samples", type=int, default=SAMPLES, metavar="N", help="for each pixel")
+    parser.add_argument(
+        "--samples",
+        type=int,
+        default=GALLERY_SAMPLES,
+        metavar="N",
+        help="of a pixel of the gallery",
+    )
     which = [*EXHIBITS, "ball"]
     parser.add_argument(
         "--only",

@@ -92,7 +92,7 @@ def story(player: Recorder) -> Iterator[float]:
     player.scene = 1
     yield from player.take(0.3)
     yield from player.click(IN_THE_GLASS, 8)
-    yield from player.until(Until("has_rig", 400))
+    yield from player.until(Until("has_rig", 900))
     picture = next(t for t in bpy.context.scene.objects if t.kiriko.role == "PICTURE")
     picture.kiriko.image = star()
     scenes.small_display()
@@ -114,7 +114,7 @@ def story(player: Recorder) -> Iterator[float]:
     bpy.ops.kiriko.before_after("INVOKE_DEFAULT")  # off
     yield 1.0
     yield from player.click(LOOK, 5)
-    yield from player.until(Until("is_seen", 400))
+    yield from player.until(Until("is_seen", 900))
     yield from player.still(Still(12.0))
     yield from player.take(1.3)
     player.write()
@@ -123,7 +123,7 @@ def story(player: Recorder) -> Iterator[float]:
 def wait(player: Recorder, seconds: float) -> Iterator[float]:
     """Wait for the end of Kiriko's work, and for a redraw."""
     yield 1.0
-    yield from player.until(Until("is_quiet", 400))
+    yield from player.until(Until("is_quiet", 900))
     player.area("VIEW_3D").tag_redraw()
     yield seconds
 
