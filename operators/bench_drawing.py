@@ -77,7 +77,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
             rig.check()
             sheets = drawings(rig, lattice_of(context.scene), self.paper, path.name)
 
-            # The dialogue asked about the first name; the second one follows it.
+            # The dialogue confirmed the first name; the second one follows it.
             is_agreed = self.is_in_dialogue and disk.is_there(path)
             if not (self.overwrite or is_agreed or context.scene.kiriko.export_overwrite):
                 folder.refuse_existing(path.parent, sheets, Message("set Overwrite"))

@@ -14,7 +14,7 @@ from ..core.blender.view.shown_images import ShownImage, shown_images
 from ..operators.windows import camera_of
 from .overlay.view_handlers import TINTED_SHADER, ViewHandlers
 
-# blend modes by an image's alpha mode; the alpha of other modes is no coverage
+# blend modes by an image's alpha mode; the alpha of other modes is not coverage
 BLENDING = {"STRAIGHT": "ALPHA", "PREMUL": "ALPHA_PREMULT"}
 SHARE = 20.0  # a scene is searched again after this many times the duration of the last search
 ROLES = {"PICTURE", "DISPLAY"}

@@ -4,7 +4,7 @@ With a plate: the viewer looks along f; the picture is in the glass's centre c a
 the plate is at c + D f. The display is at the picture's mirror image in the plate, turned as a
 mirror turns it.
 
-Without a plate: the viewer looks through the glass's centre at the display, which stands upright
+Without a plate: the viewer looks through the glass's centre at the display, which is upright
 behind the glass, or lies under it if the viewer looks down steeply. The picture is at the display.
 
 Each of picture, plate and display follows from the other two, so a deleted part can be made again.

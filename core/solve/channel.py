@@ -101,7 +101,7 @@ class ChannelKey(NamedTuple):
 
 
 def channel_keys(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:
-    """Channels of a rig; one wavelength stands for all colours of a viewer."""
+    """Channels of a rig; one wavelength represents all colours of a viewer."""
     return tuple(ChannelKey(viewer, settings.wavelength, WHITE) for viewer in rig.viewers)
 
 

@@ -201,7 +201,7 @@ BEYOND = 0.01  # fraction of the view that may exceed the tolerance without a re
 # along its outline.
 LEAST_CONTRADICTED = 0.01
 UNDECIDED = 0.01  # fraction of the light with an uncertain path
-# fraction of the cut-off light that never leaves; above it a higher Max Events is no help
+# fraction of the cut-off light that never leaves; above it a higher Max Events does not help
 MOST_CAUGHT = 0.9
 
 

@@ -1,4 +1,4 @@
-"""Identity of the scene a result was solved for, to tell later whether the scene has changed."""
+"""Identity of the scene a result was solved for, to check later whether the scene has changed."""
 
 import json
 from dataclasses import dataclass

@@ -190,7 +190,7 @@ def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
 
 
 NAME = "source_####"
-SCENE = "scene"  # stands for the frames that the scene would render
+SCENE = "scene"  # means the frames that the scene would render
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

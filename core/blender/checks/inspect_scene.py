@@ -166,7 +166,7 @@ def _thing(
 
 
 def _worth_telling(scene: bpy.types.Scene, faults: FaultCounts) -> FaultCounts:
-    """The faults to report. Inward normals of closed glass matter only to Cycles, which tells
+    """The faults to report. Inward normals of closed glass matter only to Cycles, which separates
     inside from outside by them.
     """
     is_told = faults.n_open > 0 or bool(scene.kiriko_scene.looking)

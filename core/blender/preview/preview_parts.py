@@ -175,7 +175,7 @@ class PreviewParts:
             if shear is not None:
                 mesh.transform(Matrix(shear))
             if role.is_inside_out(look):
-                mesh.flip_normals()  # Cycles tells inside from outside by the normals
+                mesh.flip_normals()  # Cycles separates inside from outside by the normals
 
         return self._copies[key], matrix
 

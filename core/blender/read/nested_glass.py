@@ -1,7 +1,7 @@
 """Nested glass, converted for Cycles.
 
 Kiriko finds the medium at a point from all solids and their priorities. Cycles has one relative
-index of refraction per surface, and tells inside from outside by its normals.
+index of refraction per surface, and separates inside from outside by its normals.
 """
 
 from collections.abc import Iterable

@@ -64,7 +64,7 @@ def check(points: Floats, lattice: Lattice) -> None:
     """Raise ImageError if points (m, 2), px, NaN if not measured, do not form a smooth lattice.
 
     The tolerance is a third of a spacing, or several times the median distance: unevenly bent light
-    is no mistake.
+    is not a mistake.
     """
     at = points[:, 0] + 1j * points[:, 1]
     sites = {
