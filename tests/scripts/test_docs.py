@@ -15,7 +15,7 @@ PAGES = sorted(
     if path.name != "CHANGELOG.md"  # names of its time
 )
 FOLDERS = "core", "operators", "panels", "languages", "scripts", "tests", "farm", "docs", "assets"
-COMING = "docs/pictures/", "docs/manual/"  # the README's renders and pages are made apart
+COMING = ("docs/manual/",)  # pages of the manual may be written after the README
 CODE = {".py", ".c", ".h", ".js"}
 MADE = re.compile(r"out/|dist/|manual/|\.dev/|.*[<*{ ]")  # by commands, or with a placeholder
 FILE = re.compile(r"[\w./-]+\.(py|c|h|js|po)")
