@@ -16,7 +16,7 @@ import bpy
 
 from manual import scenes
 from manual.player import Player, StuckError, drive
-from manual.plays import PLAYS
+from manual.plays import MANUAL, PLAYS, words_only
 from manual.steps import Shot
 
 ENGLISH = "en_US"
@@ -32,8 +32,11 @@ def play_all(names: list[str], folder: Path, language: str) -> Iterator[float]:
         set_preferences(language)
         player = Player(folder)
         yield 1.0
+        steps = PLAYS[name]
+        if name in MANUAL and language != ENGLISH:
+            steps = words_only(steps)
         try:
-            yield from player.play(PLAYS[name])
+            yield from player.play(steps)
         except StuckError as error:
             yield from player.shot(Shot("stuck", of="*"))
             raise StuckError(f"{name}: {error}") from error
@@ -58,6 +61,7 @@ def set_preferences(language: str) -> None:
     preferences.view.filebrowser_display_type = "SCREEN"
     preferences.view.render_display_type = "NONE"
     preferences.view.ui_scale = 1.0
+    preferences.system.use_region_overlap = False  # no scene shines through the sidebar
     try:
         preferences.view.language = language
     except TypeError:  # a Blender without any translation has no language to choose

@@ -1,8 +1,8 @@
-"""Where the manual tells of a button or a setting, for F1 over it.
+"""Where the manual explains a button or a setting, for F1 over it.
 
 A place is a heading of a page that has the same anchor in each language, as in `## Export it
-{ #export }`. What stands nowhere here is explained by *Buttons and settings*, which has all of
-them. A new page adds its headings.
+{ #export }`. All other buttons and settings lead to *Buttons and settings*. A new page adds its
+headings.
 """
 
 from __future__ import annotations
@@ -29,15 +29,16 @@ PLACES = {
         "kiriko.rescale_scene", "kiriko.select_part", "kiriko.show_part",
         "kiriko.display_preset", "kiriko.plate_preset", "kiriko.glass_preset",
     ),
-    "bench.md#several": ("kiriko.choose_rig",),
+    "several_rigs.md#several": ("kiriko.choose_rig", "kiriko.part_copies"),
     "bench.md#viewers": (
         "kiriko.add_viewer", "kiriko.remove_viewer", "kiriko.move_viewer",
         "kiriko.two_eyes", "kiriko.viewer_grid", "kiriko.eye_box", "kiriko.remove_eye_box",
         "kiriko.show_image", "kiriko.render_pictures", "kiriko.open_pictures",
-        "KirikoRig.disagreement", "KirikoViewer.image",
+        "KirikoRig.disagreement", "KirikoViewer.image", "kiriko.visible_range",
+        "kiriko.remove_visible_range",
     ),
     "bench.md#drawing": ("kiriko.bench_drawing",),
-    "bench.md#plate": ("kiriko.simulate", "kiriko.visible_range", "kiriko.remove_visible_range"),
+    "bench.md#plate": ("kiriko.simulate", "kiriko.go_without_plate"),
     "calibration.md#lattice": ("kiriko.lattice_picture",),
     "calibration.md#calibrate": (
         "kiriko.calibrate", "kiriko.apply_calibration", "kiriko.remove_calibration",
@@ -61,19 +62,24 @@ def full_name(name: str) -> str:
 
 
 def place_of(name: str) -> str:
-    """The page, and the anchor in it, that tell of what Blender calls by this full name."""
+    """The page and the anchor that explain the button or setting of this full name."""
     for place, names in PLACES.items():
         if name in map(full_name, names):
             return place
     return f"{REFERENCE}#{name}"
 
 
-def lead(site: Path, names: list[str]) -> None:
-    """Give a built site, of one language, a page for each name, which leads to its place."""
+def lead(site: Path, names: dict[str, bool]) -> None:
+    """Give a built site of one language a page for each name, which leads to its place.
+
+    names : full names, and whether each has a row in *Buttons and settings*
+    """
     folder = site / FOLDER
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
-    for name in names:
+    for name, has_row in names.items():
         page, _, anchor = place_of(name).partition("#")
-        url = f"../{Path(page).stem}.html#{anchor}"
+        url = f"../{Path(page).stem}.html"
+        if has_row or page != REFERENCE:
+            url += f"#{anchor}"
         (folder / f"{name}.html").write_text(LEADING.format(url=url, name=name), encoding="utf-8")

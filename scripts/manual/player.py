@@ -43,6 +43,7 @@ BREATH = 0.5  # s in which it draws
 PAGE = 8  # turns of the wheel by which a sidebar is scrolled when a button is not found
 PAGES = 10  # a third of them down, and then up, beyond the place where the search began
 EDGE = 16  # px at a region's lower end, where a click would size it
+TITLE = 0.2  # of a region's width: a panel's title, left of the rig's name
 HEADER = 28  # px from one closed panel to the next
 ROW = 25  # px from a row of a panel to the one above, with the space between two groups
 OPENED = 10_000  # pixels of a window that a menu changes; a button under the mouse has fewer
@@ -239,7 +240,7 @@ class Player:
     def unfold(self, step: Unfold) -> Iterator[float]:
         """Close all panels, whose headers then stand in a row, and open the wanted one."""
         region = self.region("VIEW_3D", "UI")
-        x, top = region.x + COLUMNS["UI"][0] * region.width, region.y + region.height - HEADER / 2
+        x, top = region.x + TITLE * region.width, region.y + region.height - HEADER / 2
         yield from self.move(x, top)
         for _ in range(PAGES * PAGE):
             self.event("WHEELUPMOUSE")
@@ -343,16 +344,27 @@ class Player:
         yield BREATH
         path = self.folder / f"{step.name}.rgb"
         size = grab(self.window, path)
-        if step.of == "*":
-            box = [0, 0, *size]
-        else:
-            part = self.region(step.of, step.region) if step.region else self.area(step.of)
-            box = [part.x, part.y, part.width, part.height]
-        cut = box[3] * (1 - step.height)
-        box = [box[0], box[1] + cut, box[2], box[3] - cut]
-        told = {"size": size, "box": box, "ring": ring}
+        told = {"size": size, "box": self.box(step, ring), "ring": ring}
+        told["sidebar"] = step.region == "UI" and not step.near
+        if step.panel:  # all panels but this one are closed
+            shown = scenes.panels()
+            place = shown.index(step.panel)
+            told["closed"] = [place * HEADER, (len(shown) - 1 - place) * HEADER]
         path.with_suffix(".json").write_text(json.dumps(told), encoding="utf-8")
         print(f"picture {step.name}", flush=True)
+
+    def box(self, step: Shot, ring: list[int] | None) -> list[float]:
+        """Left, bottom, width and height of the wanted part of the window, px."""
+        part = self.region(step.of, step.region) if step.region else self.area(step.of)
+        left, bottom, width, height = part.x, part.y, part.width, part.height
+        if step.of == "VIEW_3D" and step.region == "WINDOW":  # the sidebar stands in front of it
+            width = self.region("VIEW_3D", "UI").x - left
+        if step.near and ring is not None:
+            top = min(ring[1] + step.near, bottom + height)
+            bottom = max(ring[1] - step.near, bottom)
+            height = top - bottom
+        left, width = left + width * (1 - step.width), width * step.width
+        return [left, bottom + height * (1 - step.height), width, height * step.height]
 
     def play(self, steps: list[Step]) -> Iterator[float]:
         """All steps of a play, one after the other."""

@@ -62,7 +62,7 @@ EXPORT = does("kiriko.export")
 DISPLAY = named("Kiriko Display")
 TWO_EYES = does("kiriko.two_eyes")
 EYE_BOX = does("kiriko.eye_box")
-CALIBRATE = does("kiriko.calibrate")
+BEFORE_AFTER = does("kiriko.before_after")
 PICTURE = does("kiriko.open_picture")
 TAKE_FILE = Press(does("file.execute"), area="FILE_BROWSER", region="EXECUTE")
 SIDEBAR = [Key("N"), Tab("Kiriko")]
@@ -77,69 +77,71 @@ IPHONE = [
 ]
 RENDERED = Still(15.0)  # longer than a sample takes on a busy machine
 
+
+def panel(name: str) -> list[Step]:
+    """A picture of one panel of the sidebar."""
+    wanted = f"VIEW3D_PT_kiriko_{name}"
+    return [Unfold(wanted), Shot(f"panel_{name}", region="UI", panel=wanted)]
+
+
 FIRST_PICTURE: list[Step] = [
     Do("ball"),
     Do("seaside"),
     Key("NUMPAD_PERIOD"),
     *SIDEBAR,
-    Shot("first_tab", of="*", at=IN_THE_GLASS),
+    Shot("first_tab", region="UI", at=IN_THE_GLASS),
     Press(IN_THE_GLASS),
     Until("has_rig"),
-    Shot("first_rig", of="*", at=LOOK),
+    Shot("first_rig", region="WINDOW"),
     Press(PICTURE),
     Open("seaside.png"),
-    Shot("first_file", of="*", at=TAKE_FILE.button, at_area="FILE_BROWSER", at_region="EXECUTE"),
     TAKE_FILE,
     Until("has_seaside"),
+    Shot("first_picture", region="UI", at=PICTURE, near=150),
     Press(LOOK),
     Until("is_seen"),
     RENDERED,
-    Shot("first_seen", of="*", at=LOOK),
+    Shot("first_seen", region="WINDOW"),
     Press(LOOK),
-    Shot("first_solved", of="*", at=EXPORT),
+    Shot("first_export", region="UI", at=EXPORT, near=150),
 ]
 
 GOBLET: list[Step] = [
     Do("goblet"),
     Key("NUMPAD_PERIOD"),
     *SIDEBAR,
-    Shot("goblet_tab", of="*", at=IN_THE_GLASS),
     Press(IN_THE_GLASS),
     Until("has_rig"),
-    Shot("goblet_rig", of="*", at=SOLVE),
+    Shot("goblet_rig", region="WINDOW"),
     Press(SOLVE),
     Until("is_solved", 400),
     Until("is_quiet", 400),
-    Shot("goblet_solved", of="*", at=EXPORT),
+    Shot("goblet_solved", region="UI", at=BEFORE_AFTER, near=170),
     Press(LOOK),
     Until("is_seen", 400),
     RENDERED,
-    Shot("goblet_seen"),
+    Shot("goblet_seen", region="WINDOW"),
 ]
 
-TELEPHONE: list[Step] = [
+PHONE: list[Step] = [
     Do("ball"),
     Do("seaside"),
     *SIDEBAR,
     Press(BEHIND_THE_GLASS),
     Until("has_rig"),
-    Shot("telephone_rig", of="*"),
+    Shot("phone_rig", region="WINDOW"),
     DISPLAY_PRODUCT,
-    Shot("telephone_product", of="*", stays=True),
+    Shot("phone_product", stays=True, width=0.5),
     Choose("kiriko.display_preset", "iPhone 15"),
     Until("is_telephone"),
     Press(PICTURE),
     Open("seaside.png"),
     TAKE_FILE,
     Until("has_seaside"),
-    Press(SOLVE),
-    Until("is_solved"),
-    Until("is_quiet"),
-    Shot("telephone_solved", of="*", at=EXPORT),
     Press(LOOK),
     Until("is_seen"),
     RENDERED,
-    Shot("telephone_seen"),
+    Shot("phone_seen", region="WINDOW"),
 ]
 
 BENCH: list[Step] = [
@@ -148,9 +150,7 @@ BENCH: list[Step] = [
     Press(IN_THE_GLASS),
     Until("has_rig"),
     DISPLAY_CHOSEN,
-    Shot("bench_display", of="*", at=DISPLAY_LINE),
-    Unfold("VIEW3D_PT_kiriko_more_exports"),
-    Shot("bench_drawing", of="VIEW_3D", region="UI", at=does("kiriko.bench_drawing")),
+    Shot("bench_parts", region="UI", at=DISPLAY_LINE, near=150),
 ]
 
 VIEWERS: list[Step] = [
@@ -161,32 +161,48 @@ VIEWERS: list[Step] = [
     Until("has_rig"),
     Unfold("VIEW3D_PT_kiriko_viewers"),
     Press(TWO_EYES),
-    Shot("viewers_list", of="VIEW_3D", region="UI", at=TWO_EYES),
+    Shot("viewers_list", region="UI", at=TWO_EYES, panel="VIEW3D_PT_kiriko_viewers"),
     Press(EYE_BOX),
     Until("has_eye_box", 400),
     Key("HOME"),
-    Shot("viewers_eye_box", of="VIEW_3D", at=EYE_BOX),
+    Shot("viewers_eye_box", region="WINDOW"),
 ]
 
-CALIBRATION: list[Step] = [
+PANELS: list[Step] = [
     Do("ball"),
     *SIDEBAR,
     Press(IN_THE_GLASS),
     Until("has_rig"),
-    Unfold("VIEW3D_PT_kiriko_calibration"),
-    Shot("calibration_lattice", of="VIEW_3D", region="UI", at=does("kiriko.lattice_picture")),
-    Shot("calibration_photograph", of="VIEW_3D", region="UI", at=CALIBRATE),
+    Press(SOLVE),
+    Until("is_solved", 400),
+    Until("is_quiet", 400),
+    *panel("main"),
+    *panel("result"),
+    *panel("rig"),
+    *panel("export"),
+    *panel("check"),
+    *panel("viewers"),
+    *panel("more_exports"),
+    *panel("calibration"),
+    *panel("advanced"),
 ]
 
 # each is a page's pictures
 MANUAL = {
     "first_picture": FIRST_PICTURE,
     "goblet": GOBLET,
-    "telephone": TELEPHONE,
+    "phone": PHONE,
     "bench": BENCH,
     "viewers": VIEWERS,
-    "calibration": CALIBRATION,
+    "panels": PANELS,
 }
+
+
+def words_only(steps: list[Step]) -> list[Step]:
+    """The steps without views of the scene, which are alike in all languages and taken once."""
+    views = (Press(LOOK), Until("is_seen"), Until("is_seen", 400), RENDERED)
+    is_view = lambda step: isinstance(step, Shot) and step.region == "WINDOW"  # noqa: E731
+    return [step for step in steps if step not in views and not is_view(step)]
 
 
 def see(glass: str, kind: str) -> list[Step]:
@@ -221,7 +237,7 @@ COUNTED = {
     )
     for what, more, at_most in (("see", [], SEE), ("export", EXPORTED, SEE_AND_EXPORT))
 }
-# the whole way of somebody who is new, to an exported file (docs/manual/en/tried.md)
+# the whole way of somebody who is new, to an exported file
 TASKS = {
     "task: default cube": Way(
         [

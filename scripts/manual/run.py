@@ -9,38 +9,47 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from environments import ROOT, ToolError, clean_environment, run_in_newest_blender
 from manual.places import lead
 from manual.plays import MANUAL
 from manual.program import add_options, play
 
+if TYPE_CHECKING:
+    from PIL import Image
+
 LANGUAGES = {"en": "en_US", "ja": "ja_JP"}  # Blender's names of them
 PAGES = ROOT / "docs" / "manual"
 OUT = ROOT / "out"
-TOLD = OUT / "manual-reference"  # by the code
+GENERATED = OUT / "manual-reference"  # from the code
 GATHERED = OUT / "manual-pages"
 SITE = ROOT / "manual"
 CONFIG = Path(__file__).with_name("mkdocs.yml")
+WORKER = Path(__file__).with_name("iframe-worker.js")
+SHARED = "../../pictures/"  # of README and docs, seen from a page
+STEMMERS = "lunr.ja.min.js", "lunr.multi.min.js", "lunr.stemmer.support.min.js"
 WIDEST = 1000  # px
 QUALITY = 70  # labels stay sharp, and the pictures of all languages fit into a megabyte
-RING = (255, 122, 0)
-RADIUS = 15.0  # px
-WIDTH = 3
-# for search and servers, or with the day of the build in it
+MARK = (255, 122, 0)  # around the row of a button
+MARGIN = 10, 32  # px left and right of the row; the tabs stand at the right
+HALF = 14.0  # px, half of the mark's height
+WIDTH = 2
+# for servers, or with the day of the build in it
 NOT_NEEDED = (
-    "404.html", "sitemap.xml", "sitemap.xml.gz", "assets/javascripts/lunr",
-    "assets/javascripts/workers", "assets/**/*.map",
+    "404.html", "sitemap.xml", "sitemap.xml.gz", "search/search_index.json",
+    "assets/**/*.map", "assets/javascripts/lunr/wordcut.js",
 )  # fmt: skip
 
 
 def pack(raw: Path, folder: Path) -> None:
-    """Write the wanted part of a grabbed window as a WebP, with a ring where one is wanted."""
+    """Write the wanted part of a grabbed window as a WebP, with the row of a button marked."""
     # not above, for dev.py shows the options in a Python that has no Pillow
     from PIL import Image, ImageDraw
 
@@ -50,17 +59,36 @@ def pack(raw: Path, folder: Path) -> None:
     left, bottom, across, up = told["box"]
     top = height - bottom - up
     image = image.crop((int(left), int(top), int(left + across), int(top + up)))
+    if told["sidebar"]:
+        image, cut = without_rest(image, told.get("closed"))
+        top += cut
     scale = min(1.0, WIDEST / image.width)
     if scale < 1:
         size = round(image.width * scale), round(image.height * scale)
         image = image.resize(size, Image.Resampling.LANCZOS)
 
     if told["ring"]:
-        x = (told["ring"][0] - left) * scale
-        y = (height - told["ring"][1] - top) * scale
-        corners = [x - RADIUS, y - RADIUS, x + RADIUS, y + RADIUS]
-        ImageDraw.Draw(image).ellipse(corners, outline=RING, width=WIDTH)
+        middle = (height - told["ring"][1] - top) * scale
+        box = [MARGIN[0], middle - HALF, image.width - MARGIN[1], middle + HALF]
+        ImageDraw.Draw(image).rounded_rectangle(box, 5, outline=MARK, width=WIDTH)
     image.save(folder / f"{raw.stem}.webp", quality=QUALITY, method=6)
+
+
+def without_rest(image: Image.Image, closed: list[int] | None) -> tuple[Image.Image, int]:
+    """A sidebar without the empty rest below its panels, and the number of rows cut at its top.
+
+    closed : heights of the closed panels above and below the wanted one, px; None to keep them
+    """
+    from PIL import ImageChops
+
+    left = image.crop((0, 0, image.width // 2, image.height))  # beside its scroll bar
+    last = left.crop((0, left.height - 1, left.width, left.height)).resize(left.size)
+    box = ImageChops.difference(left, last).getbbox()
+    end = box[3] if box else image.height
+    is_whole = end < image.height - 1
+    above, below = closed or (0, 0)
+    bottom = end - below if is_whole else image.height
+    return image.crop((0, above, image.width, bottom)), above
 
 
 def take_pictures(
@@ -77,16 +105,32 @@ def take_pictures(
 
 def gather() -> None:
     """Gather the pages of docs/, the glossary, and the buttons and settings from the code."""
-    if run_in_newest_blender("manual.reference", TOLD):
+    if run_in_newest_blender("manual.reference", GENERATED):
         raise ToolError("The manual's page of buttons and settings failed, for the reason above.")
 
     shutil.rmtree(GATHERED, ignore_errors=True)
     shutil.copytree(PAGES, GATHERED)
     shutil.copy(ROOT / "docs" / "glossary.md", GATHERED / "en" / "glossary.md")
+    worker = GATHERED / "en" / "assets" / WORKER.name
+    worker.parent.mkdir()
+    shutil.copy(WORKER, worker)
     for language in LANGUAGES:
         page = GATHERED / language / "reference.md"
-        made = (TOLD / f"{language}.md").read_text(encoding="utf-8")
+        made = (GENERATED / f"{language}.md").read_text(encoding="utf-8")
         page.write_text(f"{page.read_text(encoding='utf-8')}\n{made}", encoding="utf-8")
+        for path in (GATHERED / language).glob("*.md"):
+            path.write_text(with_own_pictures(path), encoding="utf-8")
+
+
+def with_own_pictures(path: Path) -> str:
+    """A page whose pictures of other folders are among those of the English pages, which serve
+    other languages, too.
+    """
+    text = path.read_text(encoding="utf-8")
+    for name in re.findall(rf"\({SHARED}([\w/.]+)\)", text):
+        shutil.copy(ROOT / "docs" / "pictures" / name, GATHERED / "en" / "pictures")
+        text = text.replace(f"({SHARED}{name})", f"(pictures/{Path(name).name})")
+    return text.replace("(../en/pictures/", "(pictures/")
 
 
 def build() -> None:
@@ -99,9 +143,12 @@ def build() -> None:
         raise ToolError("The manual was not built, for the reason above.")
 
     for pattern in NOT_NEEDED:
-        for path in sorted(SITE.glob(pattern)):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-    names = json.loads((TOLD / "names.json").read_text(encoding="utf-8"))
+        for path in SITE.glob(pattern):
+            path.unlink()
+    for path in (SITE / "assets" / "javascripts" / "lunr" / "min").iterdir():
+        if path.name not in STEMMERS:
+            path.unlink()
+    names = json.loads((GENERATED / "names.json").read_text(encoding="utf-8"))
     for language in LANGUAGES:
         lead(SITE if language == "en" else SITE / language, names)
 

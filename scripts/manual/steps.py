@@ -100,10 +100,12 @@ class Do:
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture of the window, or of a part of it.
+    """A picture of a part of the window, with a mark around the button `at`.
 
-    `of` is a region (`UI`: the sidebar) of an area, or an area with all its regions (`WINDOW` of
-    `*`: the whole window). `at` is a button that gets a ring.
+    of, region : region of an area, such as the sidebar `UI`; without a region the whole area
+    panel : panel of the sidebar that the picture is cropped to, after `Unfold` of it
+    near : height above and below the mark that the picture is cropped to, px; 0 for all
+    width, height : fraction of the part, from the right and from the top
     """
 
     name: str
@@ -113,7 +115,10 @@ class Shot:
     at_area: str = "VIEW_3D"
     at_region: str = "UI"
     stays: bool = False  # the mouse, which would close an open menu when it went away
-    height: float = 1.0  # share of the height, from the top
+    panel: str = ""
+    near: int = 0
+    width: float = 1.0
+    height: float = 1.0
 
 
 Step = Press | Measure | Tab | Unfold | Key | Choose | Open | Until | Still | Do | Shot
