@@ -62,7 +62,7 @@ EXPORT = does("kiriko.export")
 DISPLAY = named("Kiriko Display")
 TWO_EYES = does("kiriko.two_eyes")
 EYE_BOX = does("kiriko.eye_box")
-BEFORE_AFTER = does("kiriko.before_after")
+RESULT = "VIEW3D_PT_kiriko_result"
 PICTURE = does("kiriko.open_picture")
 TAKE_FILE = Press(does("file.execute"), area="FILE_BROWSER", region="EXECUTE")
 SIDEBAR = [Key("N"), Tab("Kiriko")]
@@ -116,11 +116,12 @@ GOBLET: list[Step] = [
     Press(SOLVE),
     Until("is_solved", 400),
     Until("is_quiet", 400),
-    Shot("goblet_solved", region="UI", at=BEFORE_AFTER, near=170),
     Press(LOOK),
     Until("is_seen", 400),
     RENDERED,
     Shot("goblet_seen", region="WINDOW"),
+    Unfold(RESULT),
+    Shot("goblet_solved", region="UI", panel=RESULT),
 ]
 
 PHONE: list[Step] = [

@@ -38,9 +38,12 @@ STEMMERS = "lunr.ja.min.js", "lunr.multi.min.js", "lunr.stemmer.support.min.js"
 WIDEST = 1000  # px
 QUALITY = 70  # labels stay sharp, and the pictures of all languages fit into a megabyte
 MARK = (255, 122, 0)  # around the row of a button
-MARGIN = 10, 32  # px left and right of the row; the tabs stand at the right
+MARGIN = 10, 36  # px left and right of the row; the tabs stand at the right
 HALF = 14.0  # px, half of the mark's height
 WIDTH = 2
+EDGE = 4  # px, the line around a region
+NOISE = 12  # of 255, between equal pixels
+TABS = 30  # px, at the right of the sidebar
 # for servers, or with the day of the build in it
 NOT_NEEDED = (
     "404.html", "sitemap.xml", "sitemap.xml.gz", "search/search_index.json",
@@ -69,7 +72,8 @@ def pack(raw: Path, folder: Path) -> None:
 
     if told["ring"]:
         middle = (height - told["ring"][1] - top) * scale
-        box = [MARGIN[0], middle - HALF, image.width - MARGIN[1], middle + HALF]
+        right = image.width - MARGIN[1] + (TABS if "closed" in told else 0)
+        box = [MARGIN[0], middle - HALF, min(right, image.width - WIDTH), middle + HALF]
         ImageDraw.Draw(image).rounded_rectangle(box, 5, outline=MARK, width=WIDTH)
     image.save(folder / f"{raw.stem}.webp", quality=QUALITY, method=6)
 
@@ -77,18 +81,20 @@ def pack(raw: Path, folder: Path) -> None:
 def without_rest(image: Image.Image, closed: list[int] | None) -> tuple[Image.Image, int]:
     """A sidebar without the empty rest below its panels, and the number of rows cut at its top.
 
-    closed : heights of the closed panels above and below the wanted one, px; None to keep them
+    closed : heights of the closed panels above and below the wanted one, px, to be cut with the
+        tabs; None to keep them
     """
     from PIL import ImageChops
 
-    left = image.crop((0, 0, image.width // 2, image.height))  # beside its scroll bar
+    left = image.crop((EDGE, 0, image.width // 2, image.height - EDGE))
     last = left.crop((0, left.height - 1, left.width, left.height)).resize(left.size)
-    box = ImageChops.difference(left, last).getbbox()
-    end = box[3] if box else image.height
-    is_whole = end < image.height - 1
-    above, below = closed or (0, 0)
-    bottom = end - below if is_whole else image.height
-    return image.crop((0, above, image.width, bottom)), above
+    change = ImageChops.difference(left, last).convert("L").point(lambda value: value > NOISE)
+    box = change.getbbox()
+    end = box[3] if box else left.height
+    if closed is None:
+        return image.crop((0, 0, image.width, min(end + EDGE, image.height))), 0
+    bottom = end - closed[1] + 2 * EDGE if end < left.height else image.height
+    return image.crop((0, closed[0], image.width - TABS, bottom)), closed[0]
 
 
 def take_pictures(
@@ -127,7 +133,7 @@ def with_own_pictures(path: Path) -> str:
     other languages, too.
     """
     text = path.read_text(encoding="utf-8")
-    for name in re.findall(rf"\({SHARED}([\w/.]+)\)", text):
+    for name in re.findall(rf"\({re.escape(SHARED)}([\w/.]+)\)", text):
         shutil.copy(ROOT / "docs" / "pictures" / name, GATHERED / "en" / "pictures")
         text = text.replace(f"({SHARED}{name})", f"(pictures/{Path(name).name})")
     return text.replace("(../en/pictures/", "(pictures/")
@@ -136,10 +142,14 @@ def with_own_pictures(path: Path) -> str:
 def build() -> None:
     """Build the site."""
     gather()
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "-f", CONFIG]
+    # not --quiet, which lets warnings pass that --strict would count
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", CONFIG]
     # the theme's notice of its successor is no warning about these pages
     variables = clean_environment(NO_MKDOCS_2_WARNING="1")
-    if subprocess.run(command, env=variables).returncode:
+    done = subprocess.run(command, env=variables, capture_output=True, text=True)
+    if done.returncode:
+        lines = done.stderr.splitlines()
+        print(*(line for line in lines if not line.startswith("INFO")), sep="\n", file=sys.stderr)
         raise ToolError("The manual was not built, for the reason above.")
 
     for pattern in NOT_NEEDED:
