@@ -363,8 +363,7 @@ class Player:
             top = min(ring[1] + step.near, bottom + height)
             bottom = max(ring[1] - step.near, bottom)
             height = top - bottom
-        left, width = left + width * (1 - step.width), width * step.width
-        return [left, bottom + height * (1 - step.height), width, height * step.height]
+        return [left, bottom, width, height]
 
     def play(self, steps: list[Step]) -> Iterator[float]:
         """All steps of a play, one after the other."""

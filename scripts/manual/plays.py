@@ -62,13 +62,11 @@ EXPORT = does("kiriko.export")
 DISPLAY = named("Kiriko Display")
 TWO_EYES = does("kiriko.two_eyes")
 EYE_BOX = does("kiriko.eye_box")
-RESULT = "VIEW3D_PT_kiriko_result"
 PICTURE = does("kiriko.open_picture")
 TAKE_FILE = Press(does("file.execute"), area="FILE_BROWSER", region="EXECUTE")
 SIDEBAR = [Key("N"), Tab("Kiriko")]
 OWN_PICTURE = [Press(PICTURE), Open("seaside.png"), TAKE_FILE, Until("has_seaside")]
 DISPLAY_LINE = f"{does('kiriko.select_part')}{DISPLAY}"
-DISPLAY_CHOSEN = Press(DISPLAY_LINE)
 DISPLAY_PRODUCT = Press(DISPLAY_LINE, up=-0.8)
 IPHONE = [
     DISPLAY_PRODUCT,
@@ -120,8 +118,6 @@ GOBLET: list[Step] = [
     Until("is_seen", 400),
     RENDERED,
     Shot("goblet_seen", region="WINDOW"),
-    Unfold(RESULT),
-    Shot("goblet_solved", region="UI", panel=RESULT),
 ]
 
 PHONE: list[Step] = [
@@ -131,27 +127,12 @@ PHONE: list[Step] = [
     Press(BEHIND_THE_GLASS),
     Until("has_rig"),
     Shot("phone_rig", region="WINDOW"),
-    DISPLAY_PRODUCT,
-    Shot("phone_product", stays=True, width=0.5),
-    Choose("kiriko.display_preset", "iPhone 15"),
-    Until("is_telephone"),
-    Press(PICTURE),
-    Open("seaside.png"),
-    TAKE_FILE,
-    Until("has_seaside"),
+    *IPHONE,
+    *OWN_PICTURE,
     Press(LOOK),
     Until("is_seen"),
     RENDERED,
     Shot("phone_seen", region="WINDOW"),
-]
-
-BENCH: list[Step] = [
-    Do("ball"),
-    *SIDEBAR,
-    Press(IN_THE_GLASS),
-    Until("has_rig"),
-    DISPLAY_CHOSEN,
-    Shot("bench_parts", region="UI", at=DISPLAY_LINE, near=150),
 ]
 
 VIEWERS: list[Step] = [
@@ -162,7 +143,6 @@ VIEWERS: list[Step] = [
     Until("has_rig"),
     Unfold("VIEW3D_PT_kiriko_viewers"),
     Press(TWO_EYES),
-    Shot("viewers_list", region="UI", at=TWO_EYES, panel="VIEW3D_PT_kiriko_viewers"),
     Press(EYE_BOX),
     Until("has_eye_box", 400),
     Key("HOME"),
@@ -188,12 +168,11 @@ PANELS: list[Step] = [
     *panel("advanced"),
 ]
 
-# each is a page's pictures
+# each is a page's pictures, and those of the panels, which all pages use
 MANUAL = {
     "first_picture": FIRST_PICTURE,
     "goblet": GOBLET,
     "phone": PHONE,
-    "bench": BENCH,
     "viewers": VIEWERS,
     "panels": PANELS,
 }
@@ -328,3 +307,4 @@ SHOWN: list[Step] = [
     Do("keep_shown"),
 ]
 PLAYS = {**MANUAL, "shown": SHOWN, **{name: way.steps for name, way in WAYS.items()}}
+PLAYS["words"] = words_only(FIRST_PICTURE)  # TEMP

@@ -139,6 +139,32 @@ def with_own_pictures(path: Path) -> str:
     return text.replace("(../en/pictures/", "(pictures/")
 
 
+def split_search() -> None:
+    """Give each language a search of its own; the site is built with one for all."""
+    whole = json.loads((SITE / "search" / "search_index.json").read_text(encoding="utf-8"))
+    others = tuple(f"{language}/" for language in LANGUAGES if language != "en")
+    for language in LANGUAGES:
+        folder = SITE if language == "en" else SITE / language
+        if language == "en":
+            docs = [doc for doc in whole["docs"] if not doc["location"].startswith(others)]
+        else:
+            first = f"{language}/"
+            docs = [
+                doc | {"location": doc["location"].removeprefix(first)}
+                for doc in whole["docs"]
+                if doc["location"].startswith(first)
+            ]
+            for path in folder.glob("*.html"):  # the base of their search results
+                text = path.read_text(encoding="utf-8")
+                path.write_text(text.replace('"base": ".."', '"base": "."'), encoding="utf-8")
+        own = whole | {"config": whole["config"] | {"lang": [language]}, "docs": docs}
+        (folder / "search").mkdir(exist_ok=True)
+        index = json.dumps(own, ensure_ascii=False, separators=(",", ":"))
+        (folder / "search" / "search_index.js").write_text(
+            f"var __index = {index}", encoding="utf-8"
+        )
+
+
 def build() -> None:
     """Build the site."""
     gather()
@@ -152,6 +178,7 @@ def build() -> None:
         print(*(line for line in lines if not line.startswith("INFO")), sep="\n", file=sys.stderr)
         raise ToolError("The manual was not built, for the reason above.")
 
+    split_search()
     for pattern in NOT_NEEDED:
         for path in SITE.glob(pattern):
             path.unlink()

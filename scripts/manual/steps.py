@@ -105,7 +105,6 @@ class Shot:
     of, region : region of an area, such as the sidebar `UI`; without a region the whole area
     panel : panel of the sidebar that the picture is cropped to, after `Unfold` of it
     near : height above and below the mark that the picture is cropped to, px; 0 for all
-    width, height : fraction of the part, from the right and from the top
     """
 
     name: str
@@ -117,8 +116,6 @@ class Shot:
     stays: bool = False  # the mouse, which would close an open menu when it went away
     panel: str = ""
     near: int = 0
-    width: float = 1.0
-    height: float = 1.0
 
 
 Step = Press | Measure | Tab | Unfold | Key | Choose | Open | Until | Still | Do | Shot
