@@ -338,6 +338,7 @@ class Player:
         ring = None
         if step.at:
             yield from self.find(step.at, step.at_area, step.at_region)
+            yield from self.to_middle(step)
             ring = [self.x, self.y]
         elif not step.stays:
             yield from self.move(2, 2)
@@ -352,6 +353,18 @@ class Player:
             told["closed"] = [place * HEADER, (len(shown) - 1 - place) * HEADER]
         path.with_suffix(".json").write_text(json.dumps(told), encoding="utf-8")
         print(f"picture {step.name}", flush=True)
+
+    def to_middle(self, step: Shot) -> Iterator[float]:
+        """Move the mouse to the middle of the button that it is over."""
+        edges, start = [], self.y
+        for up in (1, -1):
+            yield from self.move(self.x, start)
+            yield 2 * MOMENT
+            while re.search(step.at, self.under_mouse(step.at_area, step.at_region)):
+                yield from self.move(self.x, self.y + up)
+                yield 2 * MOMENT
+            edges.append(self.y)
+        yield from self.move(self.x, sum(edges) / 2)
 
     def box(self, step: Shot, ring: list[int] | None) -> list[float]:
         """Left, bottom, width and height of the wanted part of the window, px."""

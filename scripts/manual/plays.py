@@ -100,8 +100,6 @@ FIRST_PICTURE: list[Step] = [
     Until("is_seen"),
     RENDERED,
     Shot("first_seen", region="WINDOW"),
-    Press(LOOK),
-    Shot("first_export", region="UI", at=EXPORT, near=150),
 ]
 
 GOBLET: list[Step] = [
@@ -173,7 +171,6 @@ MANUAL = {
     "first_picture": FIRST_PICTURE,
     "goblet": GOBLET,
     "phone": PHONE,
-    "viewers": VIEWERS,
     "panels": PANELS,
 }
 
@@ -307,4 +304,3 @@ SHOWN: list[Step] = [
     Do("keep_shown"),
 ]
 PLAYS = {**MANUAL, "shown": SHOWN, **{name: way.steps for name, way in WAYS.items()}}
-PLAYS["words"] = words_only(FIRST_PICTURE)  # TEMP
