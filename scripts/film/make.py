@@ -21,6 +21,7 @@ CAPTIONS = (
     "Compare: before and after.",
     "Look through the glass.",
 )
+WITH_MOUSE = 1, 2, 3  # scenes
 CAPTION = 26, 442  # px, upper left corner of its text
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))
 
@@ -36,7 +37,7 @@ def captioned(raw: Path, frame: dict) -> object:
     left, top, right, bottom = canvas.textbbox(CAPTION, text, font=font)
     canvas.rounded_rectangle((left - 10, top - 8, right + 10, bottom + 8), 6, fill=(0, 0, 0, 170))
     canvas.text(CAPTION, text, font=font, fill=(255, 255, 255, 255))
-    if frame["scene"]:
+    if frame["scene"] in WITH_MOUSE:
         x, y = frame["mouse"]
         if frame["is_pressed"]:
             canvas.ellipse((x - 13, y - 13, x + 13, y + 13), outline=(255, 150, 30, 255), width=3)

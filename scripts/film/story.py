@@ -9,7 +9,7 @@ import numpy as np
 
 from film.record import RATE, Recorder
 from manual import scenes
-from manual.plays import IN_THE_GLASS, LOOK, SOLVE
+from manual.plays import IN_THE_GLASS, SOLVE
 from manual.steps import Still, Until
 
 PIXELS = 800
@@ -106,17 +106,20 @@ def story(player: Recorder) -> Iterator[float]:
         yield 1.0  # frames in between would delay the work
         yield from player.take(1 / RATE)
     player.thin_out(first, AT_WORK)
-    yield from wait(player, 3.0)
-    yield from player.take(0.5)
+    yield from wait(player, 1.0)
+    player.area("VIEW_3D").spaces.active.show_region_ui = False
+    yield 1.0
     yield from wipe(player)
 
     player.scene = 4
     bpy.ops.kiriko.before_after("INVOKE_DEFAULT")  # off
     yield 1.0
-    yield from player.click(LOOK, 5)
+    area, region = player.area("VIEW_3D"), player.region("VIEW_3D", "WINDOW")
+    with bpy.context.temp_override(window=player.window, area=area, region=region):
+        bpy.ops.kiriko.look_through("INVOKE_DEFAULT")
     yield from player.until(Until("is_seen", 900))
     yield from player.still(Still(12.0))
-    yield from player.take(1.3)
+    yield from player.take(1.8)
     player.write()
 
 
@@ -142,7 +145,7 @@ def wipe(player: Recorder) -> Iterator[float]:
     ours.wipe = 1.0
     yield from wait(player, 1.0)
     player.scene = 0
-    yield from player.take(1.0)
+    yield from player.take(1.2)
     player.scene = 3
     ours.wipe = 0.85
     yield from player.move(*place(0.85))

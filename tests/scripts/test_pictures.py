@@ -1,0 +1,27 @@
+"""Pictures of README and docs."""
+
+import pytest
+
+from environments import ROOT
+
+FOLDER = ROOT / "docs" / "pictures"
+MOST_BYTES = {"gallery/*.webp": 60_000, "hero.webp": 120_000, "kiriko.webp": 2_000_000}
+PAGES = "*.md", "docs/**/*.md"
+
+
+@pytest.mark.parametrize("pattern", MOST_BYTES)
+def test_pictures_are_small(pattern):
+    """Every checkout downloads them."""
+    paths = list(FOLDER.glob(pattern))
+    assert paths
+    assert all(path.stat().st_size < MOST_BYTES[pattern] for path in paths)
+
+
+def test_every_picture_is_on_a_page():
+    """Files without a page are deleted; those of the panel are a record."""
+    text = "".join(
+        path.read_text(encoding="utf-8") for pattern in PAGES for path in ROOT.glob(pattern)
+    )
+    names = {path.relative_to(FOLDER).as_posix() for path in FOLDER.glob("*.*")}
+    names |= {f"gallery/{path.name}" for path in FOLDER.glob("gallery/*")}
+    assert {name for name in names if f"pictures/{name}" not in text} == set()
