@@ -1,11 +1,11 @@
-"""A reader of Kiriko's atlases, for whoever tracks a head: copy it, it needs numpy alone.
+"""A reader of Kiriko's atlases for head tracking. Copy it; it needs only numpy.
 
     atlas = Atlas("FOLDER")
-    st, coverage = atlas.at(right, up, forward)  # m, from the viewer's own place
+    st, coverage = atlas.at(right, up, forward)  # m, from the viewer's own position
 
-st (h, w, 2) is the place in the picture that each display pixel shows, 0..1 from its left and lower
-edge, row 0 at the top; NaN where it shows nothing. `python3 atlas_reader.py FOLDER 0.01 0 0` tells
-how much of the display is lit.
+st (h, w, 2) is the position in the picture shown by each display pixel, 0..1 from its left and
+lower edge, row 0 at the top; NaN for nothing. `python3 atlas_reader.py FOLDER 0.01 0 0` prints how
+much of the display is lit.
 """
 
 import json
@@ -17,7 +17,7 @@ import numpy as np
 
 
 class Atlas:
-    """The maps in a folder; the last ones that were read are kept in memory."""
+    """The maps in a folder; the last ones read are cached."""
 
     def __init__(self, folder, kept=16):
         self.folder = Path(folder)
@@ -51,7 +51,7 @@ class Atlas:
         corners = self.corners((right, up, forward))
         (st, coverage, path), _ = corners[0]
         path, decided = path.copy(), coverage > 0
-        for (_, covers, other), _ in corners[1:]:  # the nearest one that shows a pixel
+        for (_, covers, other), _ in corners[1:]:  # the nearest with coverage
             path[~decided & (covers > 0)] = other[~decided & (covers > 0)]
             decided |= covers > 0
 

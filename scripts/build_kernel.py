@@ -27,7 +27,7 @@ FLAGS = (
     *("-std=c17", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden"),
     *("-Wall", "-Wextra", "-Werror", "-shared", "-s"),
 )
-# 1980, the earliest that a wheel can hold: wheels of the same sources are the same
+# 1980, the earliest date in a wheel: wheels of the same sources are identical
 EPOCH = "315532800"
 
 
@@ -55,13 +55,13 @@ SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
 
 
 def this_target() -> Target | None:
-    """The platform that runs this; None for one that there is no wheel for."""
+    """The current platform; None if it has no wheel."""
     name = f"{SYSTEMS.get(platform.system())}-{MACHINES.get(platform.machine())}"
     return next((target for target in TARGETS if target.platform == name), None)
 
 
 def compiler() -> Path:
-    """Interpreter of the environment that has the compiler."""
+    """Interpreter of the environment with the compiler."""
     for version in ("3.13", "3.11"):
         if python := find_python(version):
             return set_up(KERNEL, python)
@@ -79,7 +79,7 @@ def compile_for(target: Target, path: Path, *sources: str | Path) -> None:
 
 
 def make_package(target: Target, folder: Path) -> None:
-    """Make the Python package that brings the library for a platform."""
+    """Make the Python package with the library for a platform."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "__init__.py").write_text(f'"""{SUMMARY}"""\n', encoding="utf-8")
     compile_library(target, folder / f"kernel.{target.ending}")
@@ -99,7 +99,7 @@ def compile_library(target: Target, path: Path) -> None:
 
 
 def fingerprint() -> str:
-    """Hash of all that the library is made from."""
+    """Hash of all inputs of the library."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     compiler_named = ROOT / "scripts" / f"requirements-{KERNEL}.txt"
     for path in [*sorted(SOURCES.glob("*.[ch]")), compiler_named]:
@@ -143,8 +143,9 @@ def wheel_name(target: Target) -> str:
 
 
 def version() -> str:
-    """The extension's version and, as Blender keeps an installed wheel that has
-    the same one, the fingerprint of the kernel's sources.
+    """The extension's version and the fingerprint of the kernel's sources. Blender does not replace
+    an
+    installed wheel of the same version.
     """
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     return f"{manifest['version']}+{fingerprint()[:8]}"

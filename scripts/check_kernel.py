@@ -1,9 +1,8 @@
-"""Runs the kernel's libraries for other platforms here:
-Windows x64 under Wine, Linux arm64 under QEMU.
+"""Runs the kernel's libraries for other platforms: Windows x64 under Wine, Linux arm64 under QEMU.
 
-Each follows the same rays through a ball, a cube and an open torus, and has to come to the same
-bits as the library of this machine. A library that cannot be run, for there is no Wine, QEMU or C
-library of the platform, is told and left out.
+Each traces the same rays through a ball, a cube and an open torus, and must return the same bits as
+the library of this machine. Without Wine, QEMU or the platform's C library, the library is skipped
+with a message.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ N_RAYS = 20_000
 
 
 class Runner(NamedTuple):
-    """What runs a platform's programs: its command, packages of Debian that bring it, its files."""
+    """Support for running a platform's programs: command, Debian packages, and their files."""
 
     command: Sequence[str]
     packages: str
@@ -59,7 +58,7 @@ RUNNERS = {
 
 
 def rigs() -> dict[str, Rig]:
-    """Rigs that take the kernel through nearly all of its code."""
+    """Rigs that exercise nearly all of the kernel's code."""
     ring = torus(0.018, 0.007, 48, 24)
     keep = np.arange(len(ring.triangles)) % 19 > 0
     gaps = Mesh(
@@ -76,7 +75,7 @@ class Memory:
         self._pointers: list[tuple[int, int, int]] = []
 
     def add(self, thing: object) -> None:
-        """Take up arrays and structures, and all that they hold."""
+        """Collect arrays and structures with all their contents."""
         if isinstance(thing, Made):
             self.add(thing.structure)
             for other in thing.references:
@@ -95,19 +94,19 @@ class Memory:
                 self.add(other)
 
     def find(self, address: int) -> tuple[int, int]:
-        """Number of the block that holds an address, and the place there."""
+        """Number of the block with an address, and the offset in it."""
         for number, (start, content) in enumerate(self.blocks):
             if start <= address < start + max(len(content), 1):
                 return number, address - start
         raise LookupError(f"no block holds {address:#x}")
 
     def pointers(self) -> list[tuple[int, int, int, int]]:
-        """Block and place of each pointer, and those that it points to."""
+        """Block and offset of each pointer and of its target."""
         return [(block, place, *self.find(value)) for block, place, value in self._pointers]
 
 
 def pointers_of(thing: ctypes.Structure | ctypes.Array, start: int) -> Iterator[tuple[int, int]]:
-    """Place from `start` on, and value, of each pointer in a structure that points somewhere."""
+    """Offset from `start`, and value, of each non-null pointer in a structure."""
     if isinstance(thing, ctypes.Array):
         for part in thing:
             if isinstance(part, ctypes.Structure):
@@ -122,10 +121,7 @@ def pointers_of(thing: ctypes.Structure | ctypes.Array, start: int) -> Iterator[
 
 
 def write_case(a_rig: Rig, path: Path) -> bytes:
-    """Write a case for the driver.
-
-    What its outputs have to be, which the library of this machine has made.
-    """
+    """Write a case for the driver, and the outputs of this machine's library."""
     plan = compile_plan(a_rig, Settings())
     viewer = a_rig.viewer
     xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
@@ -163,9 +159,8 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
 
 
 def check(target: Target, runner: Runner, folder: Path) -> bool:
-    """Let a platform's library follow all cases.
-
-    Whether all its bits are those of this machine's.
+    """Run all cases with a platform's library; returns whether all bits are equal to this
+    machine's.
     """
     library = folder / f"kernel.{target.ending}"
     driver = folder / "follow.exe"

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from typing import NamedTuple
 
-if sys.version_info < (3, 11):  # noqa: UP036, for the Pythons that cannot run the rest
+if sys.version_info < (3, 11):  # noqa: UP036, for Pythons that cannot run the rest
     sys.exit(
         "This is Python {}.{}, and Kiriko's scripts need 3.11 or newer: install Python 3.13 and run"
         " 'python3.13 scripts/dev.py'.".format(*sys.version_info)
@@ -42,10 +42,10 @@ PLAIN = "plain"  # this Python alone
 
 
 class Script(NamedTuple):
-    """A verb that is a module of scripts/, in a Python of its own.
+    """A verb implemented by a module of scripts/, and its Python.
 
-    place : the newest Blender, this Python, or an environment; `FARM`: in Blender, and the module
-        gets the Python of that environment
+    place : the newest Blender, this Python, or an environment; with `FARM`, it runs in Blender, and
+        the module gets the Python of this environment
     """
 
     module: str
@@ -102,8 +102,8 @@ def run_script(name: str, rest: list[str]) -> int:
 
 
 def test(arguments: argparse.Namespace) -> None:
-    """Lint, run each test in the newest Blender and those marked `every_blender` in the older
-    ones, build, install and solve from the zip.
+    """Lint, run all tests in the newest Blender and the `every_blender` tests in the older ones,
+    build, install and solve from the zip.
     """
     sys.exit(
         not run_suite(

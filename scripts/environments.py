@@ -23,26 +23,26 @@ WINDOWS = os.name == "nt"
 # requirements-<name>.txt. The ones with Blender: newest first.
 BLENDERS = {"bpy-5.2.3": "3.13", "bpy-4.5.15": "3.11", "bpy-4.2.23": "3.11"}
 PYTHONS = {**BLENDERS, "core": "3.11"}
-# Without Blender, for any Python that has one, and set up only when
-# `dev.py marks` and `dev.py manual` ask for them.
+# Environments without Blender, for any Python with one; set up only by
+# `dev.py marks` and `dev.py manual`.
 BENCH = "bench"
 MANUAL = "manual"
 # The readers of warp maps, only for `dev.py farm`.
 FARM = "farm"
 # The C compiler of scripts/build_kernel.py.
 KERNEL = "kernel"
-# The reader of what that makes, only for tests/package/test_libraries.py.
+# Reader of compiled libraries, only for tests/package/test_libraries.py.
 FORMATS = "formats"
 
-# Libraries that Blender needs and a bare Debian or Ubuntu lacks;
-# without the last two EEVEE aborts the process.
+# Libraries that Blender needs but a bare Debian or Ubuntu does not have;
+# without the last two, EEVEE aborts the process.
 LIBRARIES = (
     "libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libgomp1 libegl1"
     " libgl1-mesa-dri"
 )
 
-# numpy's linear algebra, for processes that run side by side:
-# threads that wait for each other hold all of them up.
+# numpy's linear algebra, for processes in parallel:
+# threads that wait for each other would delay all of them
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 
 LEAST_LLVM = 17  # Dr.Jit takes 15 and 16 too, and with them aborts the process on some processors
@@ -60,7 +60,7 @@ print(sys.executable)
 """
 
 
-# what an interpreter's packages lack of the system; nothing where all is there
+# system packages missing for an environment; empty if complete
 Missing = Callable[[Path], str | None]
 
 
@@ -69,7 +69,7 @@ class ToolError(Exception):
 
 
 def clean_environment(**extra: str) -> dict[str, str]:
-    """Environment variables without those that would bring other packages in."""
+    """Environment variables, except those that would add other packages."""
     foreign = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
     kept = {name: value for name, value in os.environ.items() if name not in foreign}
     return {**kept, "PYTHONNOUSERSITE": "1", **extra}
@@ -82,7 +82,7 @@ def run(command: Sequence[str | Path], **variables: str) -> None:
 
 
 def ask(command: Sequence[str | Path], **variables: str) -> list[str]:
-    """Lines that a command prints; none when it fails or cannot be started."""
+    """Output lines of a command; none if it fails or cannot be started."""
     try:
         answer = subprocess.run(
             command, env=clean_environment(**variables), capture_output=True, text=True, timeout=60
@@ -97,7 +97,7 @@ def ask(command: Sequence[str | Path], **variables: str) -> list[str]:
 
 @cache
 def find_python(version: str, *, only_running: bool = False) -> Path | None:
-    """Interpreter of this version that can make virtual environments, or None."""
+    """Interpreter of this version with support for virtual environments, or None."""
     for command in [[sys.executable]] if only_running else candidates(version):
         found = ask([*command, "-c", PROBE])
         if found and found[0] == version:
@@ -106,8 +106,8 @@ def find_python(version: str, *, only_running: bool = False) -> Path | None:
 
 
 def candidates(version: str) -> Iterator[list[str]]:
-    """Commands that may start a Python of this version: the
-    running one, on the PATH, under pyenv, by uv.
+    """Candidate commands for a Python of this version: the running one, on the PATH, in pyenv, from
+    uv.
     """
     yield [sys.executable]
     for name in (f"python{version}", "python3", "python"):
@@ -126,16 +126,16 @@ def candidates(version: str) -> Iterator[list[str]]:
         yield [str(folder / ("python.exe" if WINDOWS else "bin/python"))]
 
     if uv := shutil.which("uv"):
-        # Its own Pythons only: those of the system have been tried, and may lack ensurepip.
+        # only uv's own Pythons: the system's have been tried, and may not have ensurepip
         ask([uv, "python", "install", version])
         for path in ask([uv, "python", "find", version], UV_PYTHON_PREFERENCE="only-managed"):
             yield [path]
 
 
 def newest_blender() -> tuple[str, Path]:
-    """Environment with the newest Blender for the running Python, else for any that is found.
-
-    And that Python.
+    """Environment with the newest Blender for the running Python, else for any available one; and
+    its
+    Python.
     """
     for only_running in (True, False):
         for name, version in BLENDERS.items():
@@ -152,17 +152,16 @@ def newest_blender() -> tuple[str, Path]:
 
 
 def pins(path: Path) -> str:
-    """Text of a requirements file with those it includes."""
+    """Text of a requirements file with its includes."""
     text = path.read_text(encoding="utf-8")
     included = re.findall(r"^-r (\S+)", text, re.MULTILINE)
     return text + "".join(pins(path.parent / name) for name in included)
 
 
 def set_up(name: str, python: Path) -> Path:
-    """Make or update the environment `name`; its interpreter.
+    """Make or update the environment `name`; returns its interpreter.
 
-    The stamp is written last, so that an environment without one
-    is known to be unfinished and is made anew.
+    The stamp is written last, so an environment without one is incomplete and is made again.
     """
     folder = DEV / name
     interpreter = folder / ("Scripts/python.exe" if WINDOWS else "bin/python")
@@ -182,7 +181,7 @@ def set_up(name: str, python: Path) -> Path:
     pip = [interpreter, "-m", "pip", "install", "--disable-pip-version-check"]
     run([*pip, *silent, "-r", requirements])
     if name in BLENDERS:
-        remedy = f"Blender lacks {{}}: install the packages {LIBRARIES} and run this again."
+        remedy = f"Blender cannot find {{}}: install the packages {LIBRARIES} and run this again."
         provide(interpreter, missing_library, LIBRARIES.split(), remedy)
     if name == BENCH:
         provide(interpreter, missing_llvm, ["libllvm19"], MISSING_LLVM)
@@ -233,7 +232,7 @@ def python_path() -> str:
 
 
 def as_module(script: str) -> tuple[str, ...]:
-    """Options of Python that run a module of scripts/, with nothing from the working folder."""
+    """Python's arguments to run a module of scripts/, isolated from the working folder."""
     return "-P", "-m", script
 
 
@@ -262,7 +261,7 @@ def quiet() -> Iterator[None]:
 
 
 def missing_library(interpreter: Path) -> str | None:
-    """Name of the first shared library that importing bpy does not find, or None."""
+    """Name of the first shared library missing for `import bpy`, or None."""
     with empty_profile() as profile:
         tried = subprocess.run(
             [interpreter, "-c", "import bpy, embreex, OpenImageIO"],
@@ -284,7 +283,9 @@ def missing_library(interpreter: Path) -> str | None:
 
 
 def provide(interpreter: Path, missing: Missing, packages: Sequence[str], remedy: str) -> None:
-    """Install what an environment lacks of the system where that is possible, else say which."""
+    """Install missing system packages of an environment if possible, else raise with their
+    names.
+    """
     lacks = missing(interpreter)
     if lacks and can_install():
         print(f"{lacks} is missing: installing system packages with apt-get ...", flush=True)
@@ -298,8 +299,8 @@ def provide(interpreter: Path, missing: Missing, packages: Sequence[str], remedy
 
 
 def missing_llvm(interpreter: Path) -> str:
-    """The LLVM that Mitsuba needs, unless it finds one that is new enough. Asked in another
-    process, which an unfit library may abort.
+    """The LLVM for Mitsuba, unless it finds a recent one. A separate process tests it, because an
+    unsuitable library may abort.
     """
     probe = (
         "import drjit, mitsuba; mitsuba.set_variant('llvm_ad_rgb');"

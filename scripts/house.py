@@ -3,14 +3,14 @@
 `--files` prints the first sentence of each file instead, room by room, and `--files fold caustic`
 the files with one of these words in their name or first sentence.
 
-Rooms are the folders of core, with operators and panels above them. An arrow goes from a room to
-another that one of its files imports from; an arrow up goes to a room that stands higher in the
-order of `ROOMS`. The closure of one solve is `core/solve/session.py` and all that it imports, at
-any depth. A circle is a set of files that import each other. A lone file of core has one importer.
-Options are fields with a default in records of options; constants are numbers.
+Rooms are the folders of core, with operators and panels above them. An arrow points from a room to
+each room its files import from; an arrow up points to a higher room in the order of `ROOMS`. The
+closure of one solve is `core/solve/session.py` and all its imports, at any depth. A circle is a set
+of files that import each other. A lone file of core has one importer. Options are fields with a
+default in records of options; constants are numbers.
 
 For each folder: files, their median and largest number of lines; functions, without signature and
-docstring; tokens a line of code; blank lines in bodies. `scripts/prose.py` adds figures of the
+docstring; tokens per line of code; blank lines in bodies. `scripts/prose.py` adds figures of the
 words.
 """
 
@@ -33,7 +33,7 @@ import prose
 ROOT = Path(__file__).resolve().parent.parent
 PRODUCT = "core", "operators", "panels", "languages"
 FOLDERS = "core", "operators", "panels", "scripts", "tests"
-# from the bottom to the top; tests/core/test_without_blender.py holds that order within core
+# from the bottom to the top; tests/core/test_without_blender.py enforces this order within core
 ROOMS = (
     "core/base", "core/native", "core/rig", "core/files", "core/glass", "core/light",
     "core/map", "core/image", "core/solve", "core/bench", "core/lab/warp", "core/lab/atlas",
@@ -109,7 +109,7 @@ def trees(root: Path, folder: str) -> dict[Path, ast.Module]:
 
 @cache
 def imports(root: Path) -> dict[Path, set[Path]]:
-    """The files of the product that each of them imports, at any depth of it."""
+    """The files of the product imported by each file, at any depth."""
     files = {path: tree for folder in PRODUCT for path, tree in trees(root, folder).items()}
     found = {path: set() for path in files}
     for path, tree in files.items():
@@ -126,7 +126,7 @@ def imports(root: Path) -> dict[Path, set[Path]]:
 
 
 def closure(graph: dict[Path, set[Path]], starts: Iterable[Path]) -> set[Path]:
-    """All files that some files need, without these where nothing leads back to them."""
+    """All files needed by some files, without the files themselves unless they are in a circle."""
     found: set[Path] = set()
     todo = set(starts)
     while todo:
@@ -141,7 +141,7 @@ def room_of(root: Path, path: Path) -> str:
 
 
 def arrows(root: Path) -> set[tuple[str, str]]:
-    """Pairs of rooms, the first of which imports from the second."""
+    """Pairs of rooms; the first imports from the second."""
     graph = imports(root)
     pairs = {(room_of(root, a), room_of(root, b)) for a in graph for b in graph[a]}
     return {(a, b) for a, b in pairs if a != b and a != "languages" and b != "languages"}
@@ -196,7 +196,7 @@ def print_names(root: Path) -> None:
 
 
 def numbers(tree: ast.Module) -> list[str]:
-    """The names of a file's constants that are numbers."""
+    """The names of a file's numeric constants."""
     return [
         target.id
         for node in tree.body

@@ -40,8 +40,7 @@ def files() -> Iterator[tuple[str, ast.AST]]:
 def sentences(with_frames: bool = False) -> dict[str, str]:
     """Templates of messages, and constant texts of panels and dialogues, each with its place.
 
-    with_frames : those that have no words of their own, too, such as "{reason}.", which a language
-        may have
+    with_frames : include templates without words of their own, such as "{reason}."
     """
     found: dict[str, str] = {}
     for name, tree in files():
@@ -75,13 +74,13 @@ def texts_of(node: ast.AST, is_interface: bool) -> Iterator[str]:
 
 
 def is_text(text: str) -> bool:
-    """Has a text words, commas or quotation marks of its own, beside its values?"""
+    """Whether a text has words, commas or quotation marks besides its values."""
     own = "".join(literal for literal, *_ in string.Formatter().parse(text))
     return any(letter.isalpha() for letter in own) or own.strip() in {",", ";", "''"}
 
 
 def labels(package: str) -> dict[str, str]:
-    """Labels and tooltips of all that an extension has registered, each with its place."""
+    """Labels and tooltips of all registered classes, each with its place."""
     import bpy
 
     found: dict[str, str] = {}
@@ -109,14 +108,14 @@ def texts_of_class(cls: type, kind: str) -> Iterator[str]:
     inherited = rna.base.properties.keys() if rna.base else ()
     for prop in rna.properties:
         if prop.identifier in inherited or prop.name == prop.identifier:
-            continue  # Blender's own, or one that no layout shows
+            continue  # Blender's own, or never shown
         yield from (prop.name, prop.description)
         for item in getattr(prop, "enum_items_static", ()):
             yield from (item.name, item.description)
 
 
 def needed(kiriko: object, package: str) -> dict[str, str]:
-    """All texts that a language has to have, each with its place."""
+    """All texts to translate, each with its place."""
     from importlib import import_module
 
     name = kiriko.__name__

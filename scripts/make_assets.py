@@ -113,7 +113,7 @@ def asset(name: str) -> bpy.types.Material:
     array, description, tags = MATERIALS[name]
     material = bpy.data.materials.new(name)
     be_mirror_array(material, array)
-    material["kiriko_plate"] = array.layout  # by which Add > Kiriko > Plate Material finds it again
+    material["kiriko_plate"] = array.layout  # so Add > Kiriko > Plate Material finds it
     material.asset_mark()
     material.asset_data.description = f"{description}. For a flat mesh, in Cycles"
     material.asset_data.author = "Kiriko developers"

@@ -1,4 +1,4 @@
-"""Makes the examples in assets/: glass, and the rig that Add Rig builds around it.
+"""Makes the examples in assets/: glass, and the rig built around it by Add Rig.
 
 Runs in the oldest supported Blender, whose files all later ones open:
 `PYTHONPATH=.dev/link:scripts:tests .dev/bpy-4.2.23/bin/python scripts/make_examples.py`

@@ -1,8 +1,8 @@
-"""All sentences that people read, filled in with sample values, so that they can be read aloud.
+"""All sentences for people, filled in with sample values, to be read aloud.
 
-`python3 scripts/dev.py messages`, and `--only WORD` for those that have a word in them. Errors,
-remarks and reports first, room by room; then labels and tooltips. A sentence that has to be read
-twice is to be written anew: the subject first, one colon at most, the fault, the place, the remedy.
+`python3 scripts/dev.py messages`, and `--only WORD` for sentences with a word. Errors, remarks and
+reports come first, room by room; then labels and tooltips. Rewrite a sentence that has to be read
+twice: the subject first, one colon at most, the fault, the place, the remedy.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def constant(node: ast.AST) -> str:
 
 
 def name_of(call: ast.Call) -> str:
-    """The last name of the function that is called."""
+    """The last name of the called function."""
     return getattr(call.func, "attr", getattr(call.func, "id", ""))
 
 

@@ -1,7 +1,8 @@
-"""Fetches and builds the wheels the manifest lists, and the manual; builds
-and validates the extension's zips with Blender's own tool.
+"""Builds the extension's zips: fetches and builds the manifest's wheels, builds the manual, and
+runs
+Blender's own tool to build and validate.
 
-Runs in an environment that has bpy: `python scripts/dev.py build` calls it there.
+Runs in an environment with bpy: `python scripts/dev.py build` calls it there.
 """
 
 import argparse
@@ -31,7 +32,7 @@ from environments import (
 
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
-# folders of the checkout that no zip holds
+# folders of the checkout outside of all zips
 UNPACKED = (".dev", ".git", "dist", "docs", "out", "scripts", "tests")
 WHEELS_PINS = ROOT / "scripts" / "requirements-wheels.txt"
 
@@ -44,7 +45,7 @@ def run(*command: str | Path) -> None:
 
 
 def extension_tool(*arguments: str | Path) -> None:
-    """Run the extension command line tool that comes with Blender."""
+    """Run Blender's command line tool for extensions."""
     # Located, not imported: importing bpy takes a second and reads the user's settings.
     bpy = Path(importlib.util.find_spec("bpy").submodule_search_locations[0])
     (scripts,) = bpy.glob("*/scripts")
@@ -93,7 +94,7 @@ def system(tag: str) -> str:
 
 @contextmanager
 def source_for(target: build_kernel.Target, wheels: Sequence[str]) -> Iterator[Path]:
-    """A copy of the checkout whose manifest has one platform, and these wheels."""
+    """A copy of the checkout with one platform in its manifest, and these wheels."""
     manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
     for name, values in (("platforms", [target.platform]), ("wheels", wheels)):
         manifest = re.sub(
@@ -107,7 +108,7 @@ def source_for(target: build_kernel.Target, wheels: Sequence[str]) -> Iterator[P
 
 
 def build(is_manual_kept: bool, is_for_here: bool) -> None:
-    """Make dist/ anew: one valid zip for each platform, or for that of this machine alone."""
+    """Rebuild dist/: one valid zip for each platform, or only for this machine's."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     here = build_kernel.this_target()
     targets = [target for target in build_kernel.TARGETS if target == here or not is_for_here]

@@ -1,9 +1,9 @@
 """Reads compiled libraries of any platform, without running them, as JSON: a record for each path.
 
-`tests/package/test_libraries.py` runs it in the environment `formats`, whose LIEF reads them all.
-A record has the library's `kind` (format, machine, bits, and is it one that programs load?), the
-names that it `exports` and `imports`, the libraries that it `needs`, and the `versions` of its
-system that it asks for. C's names stand as C has them: Mach-O's leading underscore is left out.
+`tests/package/test_libraries.py` runs it in the environment `formats`, whose LIEF reads them all. A
+record has the library's `kind` (format, machine, bits, and whether programs load it), the names it
+`exports` and `imports`, the libraries it `needs`, and the `versions` of its system it requires. C
+names are as in C, without Mach-O's leading underscore.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def read_elf(library: lief.ELF.Binary) -> dict[str, object]:
 def read_pe(library: lief.PE.Binary) -> dict[str, object]:
     """The record of a library for Windows.
 
-    A function that is imported by its number has that as its name.
+    A function imported by number has the number as its name.
     """
     header = library.optional_header
     imported = [*library.imports, *library.delay_imports]
@@ -66,9 +66,9 @@ def read_pe(library: lief.PE.Binary) -> dict[str, object]:
 
 
 def read_macho(library: lief.MachO.Binary) -> dict[str, object]:
-    """The record of a library for macOS, which for arm64 has to be signed to be loaded there.
+    """The record of a library for macOS; arm64 requires a signature to load it.
 
-    Exports are those of the table in which the system looks them up.
+    Exports are from the table used by the system.
     """
     header = library.header
     machine = MACHINES.get(header.cpu_type)

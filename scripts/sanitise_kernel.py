@@ -1,6 +1,7 @@
-"""Runs Python with a kernel that stops at a wrong access or an undefined step: `-m pytest ...`.
+"""Runs Python with a kernel that stops at an invalid access or undefined behaviour: `-m pytest
+...`.
 
-Needs gcc with its libasan, and Linux; says so and ends well where they are not.
+Needs gcc with its libasan, and Linux; otherwise it prints so and succeeds.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ OPTIONS = {"ASAN_OPTIONS": "detect_leaks=0", "UBSAN_OPTIONS": "print_stacktrace=
 
 
 def runtime() -> str | None:
-    """Libraries to be loaded before Python's own: the sanitiser's, and that of C++, of which it has
-    to know how Blender throws exceptions.
+    """Libraries to preload: the sanitiser's, and the C++ library, because the sanitiser intercepts
+    Blender's exceptions.
     """
     if platform.system() != "Linux" or not shutil.which("gcc"):
         return None
@@ -34,8 +35,9 @@ def runtime() -> str | None:
 
 
 def sanitised() -> dict[str, str] | None:
-    """Build the kernel so; the environment variables with which a Python uses it, None where that
-    cannot be.
+    """Build the sanitised kernel; returns the environment variables for Python to use it, None if
+    it
+    is impossible.
     """
     libraries = runtime()
     if libraries is None:

@@ -1,8 +1,8 @@
-"""Shows the `--help` of a script's own parser, without the packages that the script needs.
+"""Shows the `--help` of a script's own parser, without the packages needed by the script.
 
-The script runs in the running Python up to its parser, which prints and leaves. Whatever it imports
-beside Python's own modules and other scripts is stood in for, so that nothing has to be set up to
-read its options.
+The script runs in the current Python up to its parser, which prints and exits. Imports other than
+Python's own modules and other scripts are replaced, so nothing has to be set up to read the
+options.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ OPERATORS = (*NUMERIC, *(f"r{name}" for name in NUMERIC), "and", "or", "xor", "n
 
 
 class StandIn(ModuleType):
-    """A module, function, class or number that is not there:
-    whatever is done with it, one like it comes of it.
+    """A replacement of a missing module, function, class or number; any use of it returns
+    another.
     """
 
     __path__: Sequence[str] = ()  # it is a package, too
@@ -37,7 +37,7 @@ class StandIn(ModuleType):
         return StandIn()
 
     def __lt__(self, other: object) -> bool:
-        return False  # no bound that a script asks of a library at once is missed
+        return False  # satisfies every bound a script checks on import
 
     __gt__ = __le__ = __ge__ = __lt__
 
@@ -56,12 +56,12 @@ for _name in OPERATORS:
 
 
 class StandInFinder:
-    """Import finder, and loader, of stand-ins for modules of other packages."""
+    """Import finder and loader of replacements for modules of other packages."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Find a stand-in, or leave the module to the finders after this one."""
+        """Find a replacement, or leave the module to the next finders."""
         first = name.partition(".")[0]
         here = SCRIPTS / f"{first}.py", SCRIPTS / first / "__init__.py"
         if first in sys.stdlib_module_names or any(path.exists() for path in here):
@@ -69,7 +69,7 @@ class StandInFinder:
         return ModuleSpec(name, self, is_package=True)
 
     def create_module(self, spec: ModuleSpec) -> StandIn:
-        """Make the stand-in of a module."""
+        """Make the replacement of a module."""
         return StandIn()
 
     def exec_module(self, module: ModuleType) -> None:

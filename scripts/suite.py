@@ -1,9 +1,9 @@
 """The steps of `dev.py test`: runs them two at a time and adds up their results.
 
-A step is stopped when it hangs, and not because it takes long on a busy machine: it hangs when
-it slept for `ASLEEP_MINUTES` or used `BUSY_MINUTES` of CPU since it last printed. Tests print a dot
-each, and their stack when one takes longer than `STACK_AFTER_S`, so that the log of a step that was
-stopped says where it stood.
+A step is stopped only if it hangs, not because it takes long on a busy machine. It hangs if it
+slept for `ASLEEP_MINUTES` or used `BUSY_MINUTES` of CPU since its last output. Tests print a dot
+each, and their stack when one takes longer than `STACK_AFTER_S`, so the log of a stopped step shows
+where it was.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ AT_ONCE = 2
 # the slowest test takes a tenth of either
 ASLEEP_MINUTES = 15.0
 BUSY_MINUTES = 60.0
-ASLEEP = "SZX"  # states in /proc of a thread that wants no CPU: it waits for an event, or has ended
+ASLEEP = "SZX"  # states in /proc of a thread that needs no CPU: it waits for an event, or has ended
 TICK_S = 0.01  # of CPU times in /proc
 STACK_AFTER_S = 300
 LOOK_EVERY_S = 1.0
-SLOWEST = 25  # tests that each log names
+SLOWEST = 25  # slowest tests listed in each log
 SLOWEST_OF_ALL = 8  # tests named at the end
-# Processes into which the tests of core and those in a Blender are dealt: few files each, so that
-# two processes are at work to the end, and a fault of one that stays in memory meets few others.
+# Number of processes for the tests of core and for those in a Blender. With few files each, two
+# processes are busy to the end, and a fault that stays in memory affects few others.
 CORE_PARTS = 2
 BLENDER_PARTS = 4
-WITHOUT_KERNEL = 1  # the part that the oldest Blender runs with numpy alone
+WITHOUT_KERNEL = 1  # the part run by the oldest Blender with numpy alone
 NOT_LONG = ("-m", "not long")
 
 
@@ -86,9 +86,9 @@ class Timed:
 def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
     """All steps, in the order in which they start, the longest first.
 
-    The gate runs each test once, in the newest Blender or beside the newest numpy; in the others
-    the tests marked `numpy_alone` and `every_blender`. `everywhere` runs all tests in all of them,
-    and those marked `long` in the newest.
+    The gate runs each test once, in the newest Blender or with the newest numpy; the older versions
+    run the tests marked `numpy_alone` and `every_blender`. `everywhere` runs all tests in all
+    versions, and the tests marked `long` in the newest.
 
     tools : environment of the steps for which any Blender will do
     newest : environment of the newest Blender
@@ -120,8 +120,8 @@ def smoke(blenders: Sequence[str], pytest: Sequence[str]) -> list[Step]:
 
 
 def more_steps(newest: str, blenders: Sequence[str], pytest: Sequence[str]) -> list[Step]:
-    """The steps that are no part of the gate: all tests in older versions, and of the kernel and
-    files what other programs and platforms make of them.
+    """The steps outside of the gate: all tests in older versions, and checks of the kernel and the
+    files on other platforms and in other programs.
     """
     older = (*pytest, *NOT_LONG)
     kernel = ("scripts/sanitise_kernel.py", *pytest, "tests/core/test_kernel.py")
@@ -162,8 +162,8 @@ def in_parts(
 
 
 def chosen(everything: Sequence[Step], prefixes: Sequence[str]) -> list[Step]:
-    """Steps whose names begin with one of the prefixes (all
-    when there are none), with those they come after.
+    """Steps whose names begin with one of the prefixes (all without prefixes), with their
+    prerequisites.
     """
     for prefix in prefixes:
         if not any(step.name.startswith(prefix) for step in everything):
@@ -247,7 +247,7 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
             cwd=ROOT,
             env=clean_environment(
                 PYTHONDONTWRITEBYTECODE="",  # two dozen steps compile the same files
-                **ONE_THREAD,  # steps that run side by side want no second thread each
+                **ONE_THREAD,  # parallel steps need no second thread each
                 **({"KIRIKO_KERNEL": "off"} if step.without_kernel else {}),
             ),
             stdin=subprocess.DEVNULL,
@@ -277,7 +277,7 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
 def wait_while_it_works(process: subprocess.Popen[bytes], log: Path) -> int | None:
     """Exit code of a process that prints into a log; None if it hung and was stopped.
 
-    Time in which a thread is stopped, or wants a CPU and gets none, is no sleep.
+    A thread that is stopped, or waits for a CPU, does not count as asleep.
     """
     size, asleep_s, busy_s = 0, 0.0, 0.0
     before: dict[str, int] = {}
@@ -296,7 +296,7 @@ def wait_while_it_works(process: subprocess.Popen[bytes], log: Path) -> int | No
         if not ran_s and all(state in ASLEEP for _, state, _ in now):
             asleep_s += LOOK_EVERY_S  # counted, since this process may be suspended, too
         if asleep_s > 60 * ASLEEP_MINUTES or busy_s > 60 * BUSY_MINUTES:
-            for thread, _, _ in now:  # those that it started, too
+            for thread, _, _ in now:  # also its child processes
                 with suppress(ProcessLookupError):
                     os.kill(int(thread), signal.SIGKILL)
             process.kill()
@@ -305,8 +305,8 @@ def wait_while_it_works(process: subprocess.Popen[bytes], log: Path) -> int | No
 
 
 def threads(process: int) -> Iterator[tuple[str, str, int]]:
-    """Each thread of a process and of those it started: its id, its state and its CPU time in
-    ticks. None where the system has no /proc.
+    """The threads of a process and of its children: id, state, and CPU time in ticks. None without
+    /proc.
     """
     for thread in Path(f"/proc/{process}/task").glob("*"):
         try:
@@ -338,7 +338,7 @@ def timed(step: str) -> Iterator[Timed]:
 
 
 def print_slowest(names: Sequence[str], seconds: float) -> None:
-    """Print the tests that took longest in these steps, which took so many seconds together."""
+    """Print the slowest tests of these steps, which took so many seconds together."""
     slowest = heapq.nlargest(SLOWEST_OF_ALL, (test for name in names for test in timed(name)))
     print(f"{seconds / 60:.1f} minutes" + (", the slowest tests:" if slowest else ""))
     for test in slowest:
@@ -346,7 +346,9 @@ def print_slowest(names: Sequence[str], seconds: float) -> None:
 
 
 def print_results(results: dict[str, Result]) -> bool:
-    """Print the steps that were not run, and one line with the sums; whether nothing failed."""
+    """Print the steps that were not run, and a line with the sums; returns whether nothing
+    failed.
+    """
     for name, result in results.items():
         if result.remark:
             print(f"{name}: {'failed' if result.failed else 'skipped'}, {result.remark}")

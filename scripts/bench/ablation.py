@@ -3,19 +3,19 @@
 `python3 scripts/dev.py ablation [--only NAME ...] [--glass NAME ...] [--rounds N] [--fresh]`, and
 with `--table` the table alone. Viewer and display have 512 x 512 pixels, the picture is a zone
 plate, *Surface* is Automatic, the kernel has one thread. Each glass has a process of its own, and
-each solve a session of its own. The solver as it is runs before and after every few rows, so that
-both sides of a ratio are from one run. Results are added to `docs/ablation.json` one by one;
-`docs/ablation.md` is made of them.
+each solve a session of its own. The unchanged solver runs before and after every few rows, so both
+sides of a ratio are from one run. Results are added to `docs/ablation.json` one by one, and
+`docs/ablation.md` is generated from them.
 
-With `--off NAME --run BENCH ...` another bench runs without one row, `--off "Faces trusted in part"
---run irregular` for instance: that tells whether a row that it protects needs it.
+With `--off NAME --run BENCH ...` another bench runs without one row, for instance
+`--off "Faces trusted in part" --run irregular`. This shows whether a protected bench needs the row.
 
-`error` is the RMSE of the source image over the display pixels that are seen by half or more, `as
+`error` is the RMSE of the source image over the display pixels with at least half coverage, `as
 seen` the RMSE with each pixel weighted by its light. The reference has four times the viewer
 pixels, a fifth of the tolerance and four times the Effort. `meant` is the same error against a
-mesh of the surface that was meant, sixteen times finer; a scan was meant to be a ball. Rows of the
-room `glass` are judged by it, where it is known. References are cached in `out/ablation`; delete
-that folder after a change of the optics.
+mesh of the intended surface, sixteen times finer; for the scan it is a ball. Rows of the room
+`glass` are judged by it, if it exists. References are cached in `out/ablation`; delete this folder
+after a change of the optics.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """A source image (H, W, 3), the pixels (H, W) that are seen by half or more, and their light
+    """A source image (H, W, 3), the pixels (H, W) with at least half coverage, and their light
     (H, W).
     """
 
@@ -96,7 +96,7 @@ class Wanted:
 
 
 def provide_meshes() -> list[str]:
-    """Make the meshes that are missing, in Blender; the names of the glasses, in order."""
+    """Make missing meshes in Blender; returns the names of the glasses, in order."""
     for folder, options in ((CACHE / "drawn", ()), (CACHE / "meant", ("--meant",))):
         if not folder.exists():
             folder.mkdir(parents=True)
@@ -175,7 +175,7 @@ class Glass:
         return self.measured(None, rounds)
 
     def fitted(self, row: Row | None) -> tuple[str, float]:
-        """Fingerprint of the surfaces that are followed, and CPU seconds to make them."""
+        """Fingerprint of the traced surfaces, and CPU seconds to make them."""
         with row.off() if row else nullcontext():
             started = process_time()
             meshes = [glass.mesh for glass in self.rig.glasses]
@@ -231,13 +231,14 @@ def _confirmed(
 
 
 def _fits_alike(glass: Glass, row: Row, rounds: int) -> bool:
-    """Are the surfaces of a glass the same without a row? Then no solve is needed: the row costs
-    or saves the seconds by which fitting differs.
+    """Whether a row leaves the surfaces of a glass unchanged. Then no solve is needed: the row
+    costs
+    or saves only the seconds of fitting.
     """
     on, seconds_on = glass.fitted(None)
     try:
         off, seconds_off = glass.fitted(row)
-    except Exception:  # the solve tells the same
+    except Exception:  # the solve shows the same
         return False
     if off != on:
         return False
@@ -253,7 +254,7 @@ def _fits_alike(glass: Glass, row: Row, rounds: int) -> bool:
 
 
 def _tried(glass: Glass, row: Row, rounds: int) -> Measured | str:
-    """A row's measurement, or the fault that its change leads to."""
+    """A row's measurement, or the failure caused by its change."""
     try:
         return glass.measured(row, rounds, row.by_numpy)
     except Exception as error:  # whatever stops the solve is the result

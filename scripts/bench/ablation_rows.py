@@ -15,17 +15,17 @@ import numpy as np
 
 CORE = "kiriko.core"
 ROOMS = "glass", "light", "map", "image", "solve"
-NEVER = 1 << 40  # a count that no solve reaches
+NEVER = 1 << 40  # a count no solve reaches
 INF = float("inf")
 
 
 @dataclass(frozen=True)
 class Change:
-    """A neutral object in the place of another.
+    """A neutral replacement of an object.
 
-    target : dotted path below kiriko.core of a module's attribute, or of one of its classes'
-    make : the neutral object, given the one that is there
-    fields : of a record that get other values
+    target : dotted path below kiriko.core of an attribute of a module or of a class
+    make : makes the neutral object from the original
+    fields : changed fields of a record
     """
 
     target: str
@@ -33,7 +33,7 @@ class Change:
     fields: tuple[str, ...] = ()
 
     def found(self) -> tuple[Any, str, Any]:
-        """The module or class that holds the target, its name there, and the target itself.
+        """The module or class with the target, the target's name there, and the target itself.
 
         Raises
         ------
@@ -46,13 +46,13 @@ class Change:
         return holder, name, getattr(holder, name)
 
     def apply(self) -> list[tuple[Any, str, Any]]:
-        """Put the neutral object wherever the other is bound; what was there before."""
+        """Replace the object everywhere it is bound; returns the originals."""
         holder, name, old = self.found()
         new = self.make(old)
         before = []
         for module in {id(one): one for one in (holder, *_modules())}.values():
             for here, value in list(vars(module).items()):
-                # equal numbers may be one object: those count under their own name only
+                # equal numbers may be one object, so they are replaced only under their own name
                 if value is old and (here == name or not isinstance(old, int | float | tuple)):
                     before.append((module, here, old))
                     setattr(module, here, new)
@@ -63,11 +63,11 @@ class Change:
 class Row:
     """A heuristic or an option.
 
-    name : what is switched off
-    changes : that switch it off
-    why : why this is the neutral value
-    protects : rows of other benches that depend on it; it stays whatever is gained here
-    by_numpy : the kernel has its own copy, so that numpy is measured instead
+    name : of the heuristic
+    changes : replacements to switch it off
+    why : why this value is neutral
+    protects : rows of other benches that depend on it; it stays, whatever the gain here
+    by_numpy : the kernel has its own copy, so numpy is measured instead
     """
 
     name: str
@@ -101,7 +101,7 @@ class Row:
 
 
 def import_all() -> None:
-    """Import all modules of the solver, so that each holds what it imports from the others."""
+    """Import all modules of the solver, so all their bindings exist."""
     for room in ROOMS:
         package = importlib.import_module(f"{CORE}.{room}")
         for found in pkgutil.iter_modules(package.__path__):
@@ -109,7 +109,7 @@ def import_all() -> None:
 
 
 def _modules() -> list[ModuleType]:
-    """The modules of core that are imported."""
+    """The imported modules of core."""
     return [module for name, module in list(sys.modules.items()) if name.startswith(CORE)]
 
 
@@ -127,7 +127,7 @@ def instead(target: str, new: object) -> Change:
 
 
 def _giving(value: object) -> Callable[..., Generator[int, None, Any]]:
-    """Work that takes no time and returns a value."""
+    """Steps without work that return a value."""
 
     def work(*arguments: object, **named: object) -> Generator[int, None, Any]:
         return value
@@ -148,7 +148,7 @@ def _all_touch(solids: object, surfaces: list, is_closed: object, slack: float) 
 
 
 def _as_given(v: Any, wanted: object, exact: np.ndarray) -> Generator[int, None, np.ndarray]:
-    """The normals that were given, but for those that are known."""
+    """The given normals, except the known ones."""
     return np.where(np.isnan(exact), v.normal, exact)
     yield
 
@@ -159,7 +159,7 @@ def _no_bevels(v: Any, normal: object, wanted: object) -> np.ndarray:
 
 
 def _no_lines(old: Callable) -> Callable:
-    """Lines that tell nothing: no vertex lies on one."""
+    """Lines without information: no vertex lies on one."""
 
     def look(v: Any, size: np.ndarray) -> Generator[int, None, Any]:
         from kiriko.core.glass.grid_lines import Lines
@@ -190,7 +190,7 @@ def _no_tessellation(old: Callable) -> Callable:
 def _option_rows(
     target: str, word: str, protects: str = "", by_numpy: bool = False, **neutral: tuple[Any, str]
 ) -> list[Row]:
-    """A row for each of some fields of a record, with the neutral value and why it is that."""
+    """A row for each of some fields of a record, with its neutral value and the reason for it."""
     return [
         Row(f"{word}: {name}", (options(target, **{name: value}),), why, protects, by_numpy)
         for name, (value, why) in neutral.items()

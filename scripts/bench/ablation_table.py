@@ -11,7 +11,7 @@ from environments import ROOT
 
 from .ablation_rows import ELSEWHERE, ROOMS, Row
 
-GAIN = 0.1  # less than this, of the error or of CPU seconds, is no gain
+GAIN = 0.1  # a smaller change of the error or of CPU seconds is no gain
 ENOUGH = 3  # glasses on which a heuristic has to gain
 N_GLASSES = 16
 
@@ -67,8 +67,8 @@ def _cells(ratios: Sequence[tuple[float, ...]]) -> list[str]:
 
 
 def judged(row: Row, found: dict[str, list]) -> list[tuple[float, float, float, float]]:
-    """The ratios on each glass that has a judge: a surface that changes is judged by the one that
-    was meant alone.
+    """The ratios on each glass with a judge. A changed surface is judged only by the intended
+    surface.
     """
     return [
         ratios_of(*both)
@@ -79,7 +79,7 @@ def judged(row: Row, found: dict[str, list]) -> list[tuple[float, float, float, 
 
 
 def ratios_of(off: list, on: list) -> tuple[float, float, float, float]:
-    """Error, error as seen, rays and CPU seconds without the heuristic, by those with it."""
+    """Ratios without and with the heuristic: error, error as seen, rays and CPU seconds."""
     error, seen = (4, 5) if on[4] is not None else (0, 1)
     return tuple(off[k] / on[k] if on[k] else 1.0 for k in (error, seen, 2, 3))
 
@@ -92,7 +92,7 @@ def count_gains(ratios: Sequence[tuple[float, ...]]) -> tuple[int, int]:
 
 
 def verdict_of(row: Row, found: dict[str, list]) -> str:
-    """What the numbers so far say of a row."""
+    """The verdict on a row from the numbers so far."""
     faults = [both for both in found.values() if isinstance(both, str)]
     if faults:
         return f"stays: {faults[0]}"
@@ -131,7 +131,7 @@ def _noise(results: dict[str, dict[str, list]]) -> str:
 
 
 def _removed(rows: Sequence[Row], results: dict[str, dict[str, list]]) -> Iterator[str]:
-    """Lines of the heuristics that were removed: results without a row."""
+    """Lines of removed heuristics: results without a row."""
     yield f"## Removed\n\n{_head(('removed', *COLUMNS[1:5]))}"
     for name in sorted(set(results) - {row.name for row in rows}):
         ratios = [ratios_of(*both) for both in results[name].values() if not isinstance(both, str)]
@@ -140,7 +140,7 @@ def _removed(rows: Sequence[Row], results: dict[str, dict[str, list]]) -> Iterat
 
 
 def without_row(rows: Sequence[Row]) -> Iterator[str]:
-    """Lines of options that no row changes, by record; `bench` and `lab` in one line."""
+    """Lines of options without a row, by record; `bench` and `lab` in one line."""
     changed = {
         (change.target, name) for row in rows for change in row.changes for name in change.fields
     }
@@ -159,7 +159,7 @@ def without_row(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def records_of(path: Path) -> Iterator[tuple[str, str, list[str]]]:
-    """Option records of a file: class, constant, and fields that have a default."""
+    """Option records of a file: class, constant, and fields with a default."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
     constants = {
         node.value.func.id: node.targets[0].id

@@ -137,12 +137,12 @@ def ellipsoid(subdivisions: int = 5) -> bpy.types.Object:
 
 
 def bottle(levels: int = 2) -> bpy.types.Object:
-    """A hollow body that is turned: its profile is that of the wall."""
+    """A hollow surface of revolution from the profile of its wall."""
     return add(turned(BOTTLE, 64), "SUBSURF", levels=levels, quality=6)
 
 
 def cube() -> bpy.types.Object:
-    """A cube, turned as in the reference rig, so that an edge is seen."""
+    """A cube, rotated as in the reference rig to show an edge."""
     mesh = mesh_of("cube", size=1.0)
     mesh.transform(Matrix.Rotation(math.radians(15.8), 4, "Z"))
     return linked(mesh, "Cube")
@@ -214,14 +214,14 @@ GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "bauble": bauble,
     "nine balls": nine_balls,
 }
-# those that are asked for by name, and stand in no table
+# only on request by name, not in any table
 OTHERS: dict[str, Callable[[], bpy.types.Object]] = {
     "dissolved": dissolved,
     "struts": struts,
-    "text, spaced": lambda: text(**BEVEL, space_character=1.2),  # letters that do not overlap
+    "text, spaced": lambda: text(**BEVEL, space_character=1.2),  # non-overlapping letters
     "wine glass, filled": wine_glass,
 }
-# the surface that was meant, much finer, where the mesh of a glass only stands for it
+# the intended surface, much finer, if the mesh of a glass approximates one
 MEANT: dict[str, Callable[[], bpy.types.Object]] = {
     "ball": lambda: ball(8),
     "ellipsoid": lambda: ellipsoid(8),
@@ -237,24 +237,21 @@ MEANT: dict[str, Callable[[], bpy.types.Object]] = {
 }
 FILLINGS = {"wine glass, filled": (wine, 1.34)}  # and their indices
 INDICES = {"gem": 2.42}  # others are of 1.49
-# m, the height that is looked at; others are looked at in their middle, SIZE across
+# m, height of the point to look at; other glasses are seen at their middle, SIZE across
 BOWLS = {"wine glass": 0.14, "wine glass, filled": 0.14}
 
 
 def made(name: str) -> Mesh:
-    """The mesh of a glass in the world, as it is evaluated.
-
-    Normals are those that Blender shows.
-    """
+    """The evaluated mesh of a glass in world space, with Blender's normals."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = (GLASSES | OTHERS)[name]()
     return evaluated(thing, place_of(name, thing))
 
 
 def meant(name: str) -> Mesh | None:
-    """The mesh of the surface that was meant, in the place of the glass; None where nobody knows.
+    """The mesh of the intended surface, in the place of the glass; None if it is unknown.
 
-    A glass with flat faces alone is what was meant.
+    A glass with only flat faces is its own intended surface.
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = GLASSES[name]()
@@ -277,14 +274,14 @@ def filled(name: str, mesh: Mesh) -> tuple[Glass, ...]:
 
 
 def place_of(name: str, thing: bpy.types.Object | None) -> Matrix:
-    """Where the object of a glass stands on the bench; a bowl wherever its glass does."""
+    """Position of a glass object on the bench; a bowl is at its glass."""
     if name in BOWLS:
         return Matrix.Translation((0, 0, -BOWLS[name]))
     return Matrix.Scale(SIZE, 4) @ fitting(thing)
 
 
 def rebuilt(fine: Mesh, **options: object) -> Mesh:
-    """A mesh in smooth shading, made anew by a modifier with these options."""
+    """A smooth-shaded mesh, remade by a modifier with these options."""
     data = bpy.data.meshes.new("Fine")
     data.from_pydata(fine.vertices.tolist(), [], fine.triangles.tolist())
     thing = linked(smooth(data), "Fine")
@@ -311,9 +308,9 @@ PARTS = (
 
 
 def main() -> None:
-    """Write glasses to a folder, as files that numpy reads: options FOLDER [--meant] [NAME ...].
+    """Write glasses to a folder as numpy files: options FOLDER [--meant] [NAME ...].
 
-    With --meant the surfaces that were meant, as far as they are known.
+    With --meant, write the intended surfaces, if they are known.
     """
     folder, *names = sys.argv[1:]
     is_meant = names[:1] == ["--meant"]

@@ -1,13 +1,12 @@
-"""Where the light of each viewer pixel lands, beside Cycles, through glass as artists bring it:
-`dev.py cycles`.
+"""Landings of viewer pixels compared with Cycles, through glass from artists: `dev.py cycles`.
 
-Add Rig sets each glass up, and Cycles traces the middle of each viewer pixel, in single precision.
-Differences in display px, of 512. `apart`: part of the rays that arrive in Cycles and land more
-than a pixel elsewhere or nowhere in Kiriko: pixels on a border between two paths. `compared`: part
-of Kiriko's light that arrives in Cycles, too. `gaps` and `normals`: parts of Kiriko's light that
-go through a gap in open glass, and that normals bend which contradict their faces, as the result
-reports; then 95 % and `apart` without both. Light beside the glass does not count. Where faces are
-curved, Cycles sees them cut into as many triangles as memory allows.
+Add Rig sets each glass up, and Cycles traces the middle of each viewer pixel in single precision.
+Differences are in display px, of 512. `apart`: fraction of the rays that arrive in Cycles and land
+more than a pixel elsewhere or nowhere in Kiriko, at pixels on a border between two paths.
+`compared`: fraction of Kiriko's light that arrives in Cycles, too. `gaps` and `normals`: fractions
+of Kiriko's light that pass a gap in open glass, or are bent by normals that contradict their faces,
+as the result reports; then 95 % and `apart` without both. Light past the glass does not count.
+Curved faces are divided in Cycles into as many triangles as memory allows.
 """
 
 from __future__ import annotations

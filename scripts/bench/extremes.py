@@ -1,7 +1,7 @@
 """Stiff and extreme cases, each against something independent: right, or refused with a reason.
 
-`python3 scripts/dev.py extremes`; `--quick` is what the tests run: fewer triangles, pixels,
-reflections. `avoid`: how the case of a known limit is avoided.
+`python3 scripts/dev.py extremes`; tests run `--quick`, with fewer triangles, pixels and
+reflections. `avoid`: how to avoid the case of a known limit.
 """
 
 import argparse

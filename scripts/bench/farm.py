@@ -1,19 +1,19 @@
-"""Do other programs make of Kiriko's files what Kiriko means? `dev.py farm`.
+"""Kiriko's files as other programs read them: `dev.py farm`.
 
-Warp maps, read by the programs themselves: Blender's Map UV, OpenCV's remap, ffmpeg with the
-command that Kiriko prints; and, written anew from their documents, a reader of STMaps and a
-rasteriser for meshes. The picture's colours are its places, so that each pixel tells which place a
+Warp maps are read by the programs themselves: Blender's Map UV, OpenCV's remap, and ffmpeg with
+Kiriko's printed command. An independent reader of STMaps and a rasteriser for meshes follow their
+documentation. The picture's colours are its coordinates, so each pixel shows which position a
 reader fetched.
 
-*identity*, *quarter turn*: maps that are known, the largest error in picture px; the turn catches
-each flip. *ball*: the map of the reference ball, against the places in Kiriko's own source image of
-that picture, median and 99 %, picture px. A source image has the mean over each pixel, a reader the
-middle, so that they are never nearer than a hundredth. *drawn*: the part of the pixels that Kiriko
-paints which the reader paints, too. *image*: RMSE against Kiriko's own source image of the lattice,
-linear values.
+*identity*, *quarter turn*: known maps, largest error in picture px; the turn catches each flip.
+*ball*: the map of the reference ball, against the coordinates in Kiriko's own source image of this
+picture, median and 99 %, picture px. A source image has the mean over each pixel, a reader the
+middle, so they differ by at least a hundredth. *drawn*: fraction of the pixels painted by Kiriko
+that the reader paints, too. *image*: RMSE against Kiriko's own source image of the lattice, linear
+values.
 
-Then movies, as farm_movies.py has them decoded by ffmpeg, and jobs, as farm_jobs.py runs them by
-openjd-cli and by two processes.
+farm_movies.py then decodes movies by ffmpeg, and farm_jobs.py runs jobs by openjd-cli and by two
+processes.
 """
 
 import argparse
@@ -54,9 +54,9 @@ from .runner import Bench, Row, option, proof, run
 
 Image = NDArray[np.floating]
 PIXELS = 256  # of display, viewer and picture
-# px of the picture: what the readers' own arithmetic allows
+# px of the picture, within the readers' own precision
 EXACT = 1e-3
-# ffmpeg's own scaler keeps colours, which tell the places here, to a thousandth of white
+# ffmpeg's own scaler preserves colours, here coordinates, to a thousandth of white
 OF_WHITE = {"png": 1 / 65535, "16 bit": 1.5e-3, "as printed": 1 / 64}
 BALL_MARK = 0.1  # median
 NEAREST = 0.5  # the error of a reader of the nearest pixel
@@ -66,7 +66,7 @@ DRAWN = 0.9  # of the pixels; a regular grid leaves out cells at borders
 def read_by_all(
     folder: Path, maps: ChannelMaps, picture: Image, readers: Path
 ) -> Iterator[tuple[str, Image]]:
-    """Images (H, W, 3) that readers make of a picture (h, w, 3) by the files of maps."""
+    """Images (H, W, 3) that readers make of a picture (h, w, 3) with the map files."""
     width, height = maps.warp.size
     options = MapOptions(formats=tuple(FORMATS), times=maps.times)
     names = names_of("", options)
@@ -101,7 +101,7 @@ def read_by_all(
 
 
 def off_known(image: Image, expected: Image) -> float:
-    """The largest error of places, but beside the outer two pixels, where readers differ."""
+    """The largest position error, without the outer two pixels, where readers differ."""
     off = np.abs(image[..., :2] - expected)[2:-2, 2:-2]
     return float(np.nan_to_num(off, nan=np.inf).max())
 

@@ -78,7 +78,7 @@ def proofs(interpreter: Path, folder: Path) -> Iterator[Row]:
 
 
 def _atlas(openjd: Path, bundle: Path, program: Path, blend: Path) -> Iterator[Row]:
-    """An atlas whose places are tasks is the one that a single run makes."""
+    """An atlas made by tasks is equal to the atlas of a single run."""
     single = bundle.with_name("one atlas")
     words = _kiriko(program, bundle, blend, "atlas", *HEADS, "--out", single)
     subprocess.run(words, capture_output=True, timeout=PATIENCE, check=True)
@@ -129,7 +129,7 @@ def _killed(
 
 
 def _tree(top: int) -> list[int]:
-    """A process and all that it started: they may have sessions of their own."""
+    """A process and all its descendants, which may have sessions of their own."""
     children: dict[int, list[int]] = {}
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -177,12 +177,12 @@ def _side_by_side(
 
 
 def _costs(seconds: float, out: Path, n: int) -> str:
-    """Frames an hour, a frame's seconds, and those beside the frames of each process."""
+    """Frames per hour, seconds per frame, and overhead seconds of each process."""
     frames = [json.loads(line)["seconds"] for line in (out / LOG).read_text("utf-8").splitlines()]
-    beside = seconds - sum(frames) / n
+    overhead = seconds - sum(frames) / n
     return (
         f"{3600 * N_FRAMES / seconds:.0f} frames an hour, {sum(frames) / len(frames):.2f} s a"
-        f" frame, {beside:.1f} s beside them"
+        f" frame, {overhead:.1f} s of overhead"
     )
 
 
@@ -233,7 +233,7 @@ def _worker_words(program: Path, bundle: Path, blend: Path, out: Path, *more: st
 
 
 def _kiriko(program: Path, bundle: Path, blend: Path, *verb: str | Path) -> list[str]:
-    """The words of a worker that runs a verb."""
+    """The command line of a worker that runs a verb."""
     script = bundle / "kiriko" / "kiriko_bootstrap.py"
     options = ["--background", blend, "--factory-startup", "--python-exit-code", "1"]
     return [str(word) for word in (program, *options, "--python", script, "--", *verb)]

@@ -1,8 +1,8 @@
-"""Movies that Kiriko writes, decoded by a program that is not Blender: the ffmpeg of
-imageio-ffmpeg, by readers.py.
+"""Kiriko's movies, decoded by a program other than Blender: the ffmpeg of imageio-ffmpeg, by
+readers.py.
 
-The glass of a small rig turns. Its frames are painted once, as PNG files; each encoder makes its
-movie of them, and each frame that is decoded is compared with the painted one.
+The glass of a small rig rotates. Its frames are painted once, as PNG files. Each encoder makes a
+movie of them, and each decoded frame is compared with the painted one.
 """
 
 import subprocess
@@ -23,12 +23,12 @@ from .runner import Row, proof
 FRAMES = 12
 RATE = 30, 1.001  # of the scene: fps and its base
 SIZE = 256, 192  # less is too small for AV1
-RATE_OFF = 0.01  # by which a container may round the rate, frames a second
+RATE_OFF = 0.01  # rounding of the rate by a container, frames per second
 MEAN_MARK = 1.5  # of 255, but for FFV1, which is lossless: a wrong range or gamma is off by more
 
 
 def rows(readers: Path, folder: Path) -> Iterator[Row]:
-    """A row for each encoder of this Blender; `readers` is the Python that has ffmpeg."""
+    """A row for each encoder of this Blender; `readers` is the Python with ffmpeg."""
     from kiriko.core.blender.data import movie  # Kiriko is registered by now
 
     farm_jobs.rig(folder, viewer=SIZE[0], display=SIZE)

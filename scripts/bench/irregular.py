@@ -1,14 +1,15 @@
 """Display error of irregular, noisy and regular meshes by each choice of *Surface*, against closed
-forms of the surface that was meant: `dev.py irregular`.
+forms of the intended surface: `dev.py irregular`.
 
-Rays and errors are those of regular meshes. Vertices are moved by up to a part of an edge (aside)
-and put back onto the surface, and then off it as a scanner's are, by a part of the size (noise); or
-Blender's modifiers make a mesh anew: Decimate, Remesh by voxels, Decimate after noise as on a scan;
-or it is the convex hull of random places; or it is regular and coarse, of so many segments around,
-or segments and rings. Normals are Blender's means. For each choice of *Surface*: median, rms, rms
-without the ten worst rays (they go another way, or leave at a grazing angle), 99 %. `curved`: part
-of the triangles that *Automatic* follows as curved. `worse`: px rms by which it is further off than
-the better of the others. `told`: the error that the result tells of *Automatic*.
+Rays and errors are those of regular meshes. The meshes are made in four ways. Vertices are moved by
+up to a part of an edge (aside) and put back onto the surface, and then off it like a scanner's, by
+a part of the size (noise). Blender's modifiers remake a mesh: Decimate, Remesh by voxels, Decimate
+after noise as on a scan. The mesh is the convex hull of random points. Or it is regular and coarse,
+with a number of segments around, or of segments and rings. Normals are Blender's means. For each
+choice of *Surface*: median, rms, rms without the ten worst rays (they take another path, or leave
+at a grazing angle), 99 %. `curved`: fraction of the triangles that *Automatic* treats as curved.
+`worse`: px rms, excess error over the better of the others. `told`: the error that the result
+reports for *Automatic*.
 
 `--regular`: rms of facets with their own normals, with interpolated ones, and of curved faces.
 """
@@ -62,7 +63,7 @@ THINNED = {"kind": "DECIMATE", "ratio": 1 / 16}
 VOXELS = {"kind": "REMESH", "mode": "VOXEL", "voxel_size": 0.0015, "use_smooth_shade": True}
 
 
-FINE, MEDIUM = 6, 4  # times that a ball of 20 triangles is divided, or tori are as fine
+FINE, MEDIUM = 6, 4  # subdivisions of a ball of 20 triangles; tori are as fine
 
 
 def divided(shape: str, times: int) -> Mesh:
@@ -73,7 +74,7 @@ def divided(shape: str, times: int) -> Mesh:
     return torus(*radii, around * 2**times, int(across * 2**times))
 
 
-# a shape, how fine a mesh of it is, its noise, of the size, and the modifier that makes it anew
+# shape, resolution, noise as a fraction of the size, and remaking modifier
 REBUILT: dict[str, tuple[str, int, float, dict[str, object]]] = {
     f"{shape}, {kind}": (shape, times, noise, options)
     for shape in (*BALLS, *TORI)
@@ -109,7 +110,7 @@ COARSE: dict[str, tuple[int | tuple[int, int], ...]] = {
 
 def rebuilt(name: str) -> Mesh:
     """A fine mesh, made anew by one of Blender's modifiers."""
-    # needs Blender, which tests of core that read this file do without
+    # needs Blender, but tests of core read this file without it
     from . import brought_glass as glasses
 
     shape, times, noise, options = REBUILT[name]
@@ -119,7 +120,7 @@ def rebuilt(name: str) -> Mesh:
     return glasses.rebuilt(replace(fine, vertices=fine.vertices + away), **options)
 
 
-Meshes = Iterator[tuple[str, str, Mesh]]  # what was done, shape, mesh
+Meshes = Iterator[tuple[str, str, Mesh]]  # treatment, shape, mesh
 
 
 def disturbances(name: str) -> Meshes:
@@ -129,7 +130,7 @@ def disturbances(name: str) -> Meshes:
 
 
 def one(shape: str, make: Callable[[], Mesh]) -> Meshes:
-    """A mesh that stands for a shape."""
+    """A mesh that approximates a shape."""
     yield "", shape, make()
 
 

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 
 def verdicts(_: str, ask: Callable, arguments: argparse.Namespace) -> Iterator[Row]:
-    """What one judge finds on random cases."""
+    """Findings of one judge on random cases."""
     started = time.process_time()
     for v in ask(arguments.cases, arguments.seed):
         seconds = time.process_time() - started

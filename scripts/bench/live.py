@@ -1,8 +1,9 @@
-"""Updates a second of Live, and its longest single steps, on balls and a wine glass: `dev.py live`.
+"""Updates per second of Live, and its longest single steps, on balls and a wine glass: `dev.py
+live`.
 
-Drawing in the interface comes on top. What is measured of the final picture comes after it is
-shown, while nothing changes: it counts for the column *whole s* alone. `late`: part of the turns
-that took more than 0.1 s. `--machine`: a whole solve on one thread, by which machines are compared.
+Drawing in the interface comes on top. The measurements of the final picture run after it is shown,
+while nothing changes, so they count only for the column *whole s*. `late`: fraction of the turns
+that took more than 0.1 s. `--machine`: a whole solve on one thread, to compare machines.
 """
 
 from __future__ import annotations
@@ -46,13 +47,13 @@ BALL = {"field": 0.05, "picture_size": 0.03, "display_size": 0.05}
 MIDDLE = 0.1  # m, of the whole glass's height, where a rig puts it
 # as on the bench of `dev.py marks`
 BOWL = {"field": 0.06, "picture_size": 0.035, "display_size": 0.1}
-# by triangles; how far, m, the glass is lowered in its rig, so that its bowl is in the middle
+# by triangles; m, how far the glass is lowered to put its bowl in the middle
 GLASS = {
     "20 k": (lambda: ball(100, 103), BALL, 0.0),
     "100 k": (lambda: ball(224, 225), BALL, 0.0),
     "wine glass": (wine_glass, BOWL, glasses.BOWLS["wine glass"] - MIDDLE),
 }
-BLOCKING = 0.1  # s that nothing may take after the first build
+BLOCKING = 0.1  # s, limit of each step after the first build
 
 
 class Update(NamedTuple):

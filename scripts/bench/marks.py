@@ -1,21 +1,21 @@
-"""Kiriko beside Mitsuba 3, in turns on one machine: `dev.py marks`.
+"""Kiriko and Mitsuba 3 in turns on one machine: `dev.py marks`.
 
-The same mesh, viewer and display for both: facets with interpolated normals, 512 x 512 pixels.
-Mitsuba's splat (mitsuba_splat.py) takes `--samples` a pixel. Kiriko solves at its default settings,
-*as drawn* (the mesh that Mitsuba shows) and by *Automatic*, which follows the curved surface and
-has no judge here. `s`: median wall seconds. An error is the RMSE of the source image, linear, over
-the display pixels that the judge sees, holes as black; *as seen*, each is weighted by how much the
-viewer sees of it. The judge is a splat of `--reference` samples in two independent halves A and B:
-the mean of (image - A)(image - B) is the squared error without the judge's own noise. `x`: times
-Mitsuba's seconds. `apart`: part of the rays that Mitsuba takes elsewhere: it goes astray where a
-mesh overlaps itself or has two faces in one place, and is no judge there.
+Both have the same mesh, viewer and display: facets with interpolated normals, 512 x 512 pixels.
+Mitsuba's splat (mitsuba_splat.py) takes `--samples` per pixel. Kiriko solves at its default
+settings, *as drawn* (the mesh that Mitsuba shows) and by *Automatic*, which follows the curved
+surface and has no judge here. `s`: median wall seconds. An error is the RMSE of the source image,
+linear, over the display pixels seen by the judge, holes as black; *as seen* weights each by how
+much the viewer sees of it. The judge is a splat of `--reference` samples in two independent halves
+A and B: the mean of (image - A)(image - B) is the squared error without the judge's own noise. `x`:
+times Mitsuba's seconds. `apart`: fraction of the rays that Mitsuba takes elsewhere. Mitsuba loses
+rays if a mesh overlaps itself or has two coincident faces, and is no judge there.
 
-`--effort`: what *Effort* costs and gains, and what more samples do for the splat: processor seconds
-of one thread. A `power` is that of time by which the error falls from the row above.
+`--effort`: cost and gain of *Effort*, and of more samples for the splat, in processor seconds of
+one thread. A `power` is the exponent of time by which the error falls from the row above.
 
-`--ball`: the reference ball, judged by a splat of the sphere that it stands for (Mitsuba's own
-splat: of its triangles), by several tolerances and samples, once more after the viewer has moved,
-with another picture, and by the splat over embreex. Use `--threads 1` on one core.
+`--ball`: the reference ball, judged by a splat of the exact sphere (Mitsuba's own splat: of its
+triangles), with several tolerances and samples, again after the viewer has moved, with another
+picture, and by the splat over embreex. Use `--threads 1` on one core.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ def made(name: str) -> tuple[Mesh, float]:
 
 
 def smooth_all_over(mesh: Mesh) -> Mesh:
-    """The same mesh as Mitsuba reads it: flat faces have their own normals at their corners.
+    """The same mesh for Mitsuba: flat faces have their own normals at their corners.
 
-    So have faces with a normal that looks to the other side, which Kiriko takes for flat.
+    Faces with a normal on the other side, which Kiriko treats as flat, have their own normals, too.
     """
     normals = np.repeat(geometric_normals(mesh.corners)[:, None], 3, axis=1)
     if mesh.is_smooth is not None:
@@ -163,7 +163,9 @@ def measure_efforts(name: str, _: None, arguments: argparse.Namespace) -> Iterat
 
 
 def fallen(judge: Judge, image: np.ndarray, seconds: float, before: Row) -> Row:
-    """The errors of an image, and the powers of time by which they fall from the row before."""
+    """The errors of an image, and the exponents of time by which they fall from the previous
+    row.
+    """
     row: Row = {"error": judge.error(image), "as seen": judge.seen_error(image)}
     for head, power in (("error", "power"), ("as seen", "power ")) if before else ():
         row[power] = np.log(row[head] / before[head]) / np.log(seconds / before["CPU s"])
@@ -171,7 +173,7 @@ def fallen(judge: Judge, image: np.ndarray, seconds: float, before: Row) -> Row:
 
 
 def measure_ball(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
-    """All ways in turns, each judged by what it shows."""
+    """All methods in turns, each judged by its image."""
     a_rig = ball_rig(5, ior=1.49, image=zone_plate(1024))
     if arguments.threads:
         mitsuba_splat.use_threads(arguments.threads)

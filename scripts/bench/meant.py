@@ -1,16 +1,19 @@
-"""Display error of glass as artists bring it, by each choice of *Surface*, against the surface that
-was meant, what Subdivision goes towards, or the lathe of the same profile: `dev.py meant`.
+"""Display error of glass from artists, by each choice of *Surface*, against the intended surface:
+the
+limit of Subdivision, or the lathe of the same profile: `dev.py meant`.
 
 Wine glass and bottle are Blender's, by one and two levels of Subdivision (`--levels-3`: by three);
-the judge is the limit of the same cage by known/catmull_clark.py. So are rings of 24 steps, with so
-many points around an uneven profile, and bodies of so many steps that end on their axis. The vase
-is the curve of fourth degree through its profile's points, at so many of it and 32 steps around.
-Normals are means, and the judge's own are exact. Errors in display px (median, rms, 99 %, and how
-many were lost), of random rays where the judge's map is smooth: a viewer pixel aside, each way,
-light lands on the display, too, less than 10 px away and within 1 px of where it goes straight on.
-The first row of a glass: by how much judges of four times fewer triangles, and of four times more
-in facets, differ at 50 and 99 % of the rays. `curved`: part of the triangles that *Automatic*
-follows as curved; `worse`: px rms by which it is further off than the better of the other two.
+the judge is the limit of the same cage by known/catmull_clark.py. The rings of 24 steps, with
+several numbers of points around an uneven profile, and the bodies that end on their axis are judged
+likewise. The vase is a quartic curve through its profile's points, at several densities, with 32
+steps around. Normals are means, and the judge's own are exact.
+
+Errors are in display px (median, rms, 99 %, and the number of lost rays), of random rays where the
+judge's map is smooth: light one viewer pixel away, in each direction, lands on the display, too,
+less than 10 px away and within 1 px of a linear map. The first row of a glass: difference of judges
+with four times fewer triangles, and with four times more in facets, at 50 and 99 % of the rays.
+`curved`: fraction of the triangles that *Automatic* treats as curved; `worse`: px rms, excess error
+over the better of the other two.
 """
 
 from __future__ import annotations
@@ -60,7 +63,7 @@ def subdivided(name: str, levels: int) -> tuple[bpy.types.Object, Matrix]:
 
 
 def as_drawn(name: str, levels: int) -> Mesh:
-    """The mesh that Blender makes of it."""
+    """Blender's evaluated mesh."""
     return glasses.evaluated(*subdivided(name, levels))
 
 
@@ -192,7 +195,7 @@ def landings(plan: Plan, xy: Floats) -> Floats:
 
 
 def is_smooth_map(plan: Plan, xy: Floats, landed: Floats) -> NDArray[np.bool_]:
-    """Whether the map is smooth at places (n, 2) in the viewer that land (n, 2)."""
+    """Whether the map is smooth at viewer positions (n, 2) with landings (n, 2)."""
     is_smooth = np.ones(len(xy), bool)
     for step in np.eye(2):
         back, on = (landings(plan, xy + way * step) for way in (-1, 1))
@@ -207,7 +210,7 @@ def apart(a: Floats, b: Floats) -> Floats:
 
 
 def measure(name: str, meant: Meant, _: argparse.Namespace) -> Iterator[Row]:
-    """The errors of a glass's meshes by each choice; before them what the judges differ by."""
+    """Difference of the judges, then the errors of a glass's meshes by each choice."""
     xy = np.random.default_rng(3).uniform(1, 511, (RAYS, 2))
     judge = planned(meant.judge(1), "smooth")
     exact = landings(judge, xy)

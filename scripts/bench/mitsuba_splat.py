@@ -1,9 +1,9 @@
 """The splat as a loop of Mitsuba 3 and Dr.Jit: the opponent of `dev.py marks`, and its judge.
 
-It carries the same values as core/image/source_image.py, in single precision and on all threads:
-random points of the viewer's pixels, refraction at the triangles with interpolated normals or at a
-sphere, total reflection, an ideal plate, a rectangular display. Only glass is asked of Embree;
-plate and display are two planes, which is faster.
+It accumulates the same values as core/image/source_image.py, in single precision and on all
+threads: random points of the viewer's pixels, refraction at the triangles with interpolated normals
+or at a sphere, total reflection, an ideal plate, a rectangular display. Embree traces only the
+glass; plate and display are two planes, which is faster.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ except ImportError as error:
 if dr.detail.llvm_version()[0] < LEAST_LLVM:
     raise SystemExit(MISSING_LLVM)
 
-# m, along the ray: spawn_ray's own is so large that it moves landings by 0.12 display px
+# m, along the ray: the offset of spawn_ray moves landings by 0.12 display px
 OFFSET = 1e-6
 MOST_EVENTS = 32  # as in core.rig.settings.Settings
 AT_ONCE = 128  # spp of a judge in one launch: sums of single precision stay exact to 1e-6
@@ -112,12 +112,12 @@ class MeshGlass:
 
 
 class SphereGlass:
-    """The sphere around the origin that a mesh stands for."""
+    """The sphere around the origin that a mesh approximates."""
 
     def __init__(self, mesh: Mesh) -> None:
         radii = np.linalg.norm(mesh.vertices, axis=1)
         if np.ptp(radii) > 1e-9:
-            raise ValueError("The glass is no ball around the origin.")
+            raise ValueError("The glass is not a ball around the origin.")
         self.radius = float(radii.mean())
         self.scene = mi.load_dict(
             {"type": "scene", "glass": {"type": "sphere", "radius": self.radius}}
@@ -221,8 +221,8 @@ class MitsubaSplat:
 
     Parameters
     ----------
-    rig : the glass smooth all over
-    is_sphere : take the sphere that the glass stands for instead of its triangles
+    rig : completely smooth glass
+    is_sphere : use the sphere that the glass approximates instead of its triangles
     """
 
     def __init__(self, rig: Rig, is_sphere: bool = False) -> None:
@@ -332,8 +332,8 @@ def _many(loop: MitsubaSplat, spp: int, first_seed: int) -> Floats:
 
 
 def share_apart(rig: Rig, loop: MitsubaSplat) -> float:
-    """Share, 0..1, of the rays that see the display by either,
-    which Mitsuba takes more than a pixel elsewhere.
+    """Share, 0..1, of the rays that see the display in either program but land more than a pixel
+    elsewhere in Mitsuba.
     """
     size = np.array([rig.viewer.width, rig.viewer.height])
     # single precision, or the two would not get the same rays

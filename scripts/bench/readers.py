@@ -1,8 +1,8 @@
-"""Programs that read Kiriko's files, where there is no Blender: OpenCV and ffmpeg.
+"""Programs that read Kiriko's files without Blender: OpenCV and ffmpeg.
 
-`python -m bench.readers FOLDER`, run by `dev.py farm`: warps picture.npy (h, w, 3) by the maps of a
-folder, and writes an image for each reader beside them, row 0 at the top; where there is no
-picture, decodes each movie, and writes its frames (n, h, w, 3), rate and codec beside it.
+`python -m bench.readers FOLDER`, run by `dev.py farm`, warps picture.npy (h, w, 3) by the maps of a
+folder and writes an image for each reader next to them, row 0 at the top. Without a picture it
+decodes each movie, and writes its frames (n, h, w, 3), rate and codec next to it.
 """
 
 import json
@@ -16,12 +16,12 @@ import imageio_ffmpeg
 import numpy as np
 
 BITS = 65535
-# exact, or the way back from 4:2:0 would be as far off as the way there; and by the matrix that the
-# files name (of 10 and 12 bits, ffmpeg 7 takes another)
+# accurate rounding, or decoding 4:2:0 would add as much error as encoding it; and the matrix named
+# in the file (for 10 and 12 bits, ffmpeg 7 assumes another)
 EXACT = ["-sws_flags", "accurate_rnd+full_chroma_int+bicubic"]
 BY_NAME = [*EXACT, "-vf", "scale=in_color_matrix=bt709"]
 MOVIES = {".mp4", ".mov", ".mkv"}
-FRAMES = 3  # of the film that goes through the command as it is printed
+FRAMES = 3  # of the film for the unchanged printed command
 
 
 def by_opencv(folder: Path, picture: np.ndarray) -> None:
@@ -32,8 +32,9 @@ def by_opencv(folder: Path, picture: np.ndarray) -> None:
 
 
 def by_ffmpeg(folder: Path, picture: np.ndarray, times: int) -> None:
-    """The printed command in 16 bits, for its places, and as it is, with a film of three frames,
-    in the first and last of which the picture is dark.
+    """The printed command in 16 bits, for its coordinates, and unchanged, with a film of three
+    frames;
+    the picture is dark in the first and last.
     """
     height, width = picture.shape[:2]
     about = json.loads((folder / "maps.json").read_text())

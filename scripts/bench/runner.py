@@ -1,4 +1,4 @@
-"""What all benches share: options, processes, timing in turns, a table, and the exit code.
+"""Common parts of all benches: options, processes, timing in turns, a table, and the exit code.
 
 A bench is data: a `Bench` has cases by name, the columns of its table, and a function that measures
 one case. A module may have several tables; the option with a table's name chooses it.
@@ -81,7 +81,7 @@ def run(about: str, module: str, main: Bench, *options: tuple, **tables: Bench) 
 
 
 def chosen(cases: Mapping[str, Any], words: list[str]) -> list[str]:
-    """The cases of these names; of those with a word in their names where none is called so."""
+    """The cases of these names, or cases with one of these words in their names."""
     exact = [name for word in words for name in cases if name == word]
     return exact or [name for name in cases if all(word in name for word in words)]
 
@@ -139,14 +139,14 @@ def print_table(bench: Bench, rows: Iterable[Row], in_markdown: bool) -> list[Ro
 
 
 def written(value: Any, form: str) -> str:
-    """A cell: text as it is, nothing for what is unknown."""
+    """A cell: text unchanged, empty for None."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     return value if isinstance(value, str) else f"{value:{form}}"
 
 
 def proof(what: str, found: str, is_kept: bool) -> Row:
-    """A row that is right or wrong."""
+    """A row with a verdict, right or wrong."""
     return {"what": what, "found": found, "kept": "yes" if is_kept else MISSED}
 
 
@@ -159,7 +159,7 @@ def means(rows: list[Row]) -> Row:
 def in_turns(
     works: Mapping[str, Callable[[], Any]], rounds: int, clock: Callable[[], float] = perf_counter
 ) -> tuple[dict[str, float], dict[str, Any]]:
-    """Median seconds of works that take turns, and what each made last."""
+    """Median seconds of functions run in turns, and the last result of each."""
     seconds: dict[str, list[float]] = {name: [] for name in works}
     made = {}
     for _ in range(rounds):

@@ -1,16 +1,16 @@
-"""Whole solves of the reference rigs, and of glass as artists bring it: `dev.py bench`.
+"""Whole solves of the reference rigs, and of glass from artists: `dev.py bench`.
 
 Viewer and display have 512 x 512 pixels, *Surface* is Automatic. Each case has a process of its
-own. `solve`: wall and processor seconds from scratch; `step`: its longest step, in which no Esc is
-heard; `repaint`: another picture; `moved`: the viewer a tenth of a millimetre aside; then seconds
-of the solve's parts. `curved`: part of the triangles with a curved face; `beyond`: part of the view
-that is off by more than the tolerance; `sampled`: where light is chaotic. `MB`: memory taken, on
-Linux, and `told x`: how many times that differs from the estimate.
+own. `solve`: wall and processor seconds from scratch; `step`: its longest step, which delays Esc;
+`repaint`: another picture; `moved`: the viewer moved by a tenth of a millimetre; then seconds of
+the solve's parts. `curved`: fraction of the triangles with a curved face; `beyond`: fraction of the
+view with an error above the tolerance; `sampled`: fraction in chaotic light. `MB`: memory used, on
+Linux, and `told x`: its ratio to the estimate.
 
-`--stages`: percent of the time that each stage takes; their means, rounded, are the shares in
-core/base/stages.py. `--light`: share of the light beside the glass, of the view whose display pixel
-has a stronger path, and the PSNR, dB, of all that is seen against the ideal image: by the mean, by
-the strongest path, and by the mean with Suppress Glare at 0.5 and 1.
+`--stages`: per cent of the time of each stage; their means, rounded, are the shares in
+core/base/stages.py. `--light`: share of the light past the glass, share of the view whose display
+pixel has a stronger path, and the PSNR, dB, of the whole view against the ideal image: by the mean,
+by the strongest path, and by the mean with Suppress Glare at 0.5 and 1.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ from .runner import Bench, Row, option, run
 
 MOVED = np.array([1e-4, 0.0, 0.0])  # m, the viewer between two solves
 PICTURE = 1024  # px
-TOLERANCES = {"ball, 5 k, 1e-4 px": 1e-4}  # display px, of cases that have their own
+TOLERANCES = {"ball, 5 k, 1e-4 px": 1e-4}  # display px, of cases with a display of their own
 
 
 def reference(make: Callable[..., Rig], *sizes: int, **more: int) -> Callable[[], Rig]:
-    """A reference rig that shows the lattice."""
+    """A reference rig with the lattice as its picture."""
     return lambda **options: make(*sizes, image=lattice_image(PICTURE), **more | options)
 
 
@@ -74,7 +74,7 @@ BROUGHT = {name: partial(brought, name) for name in [*GLASSES, *OTHERS]}
 
 @dataclass
 class Watched:
-    """Where a solve stood, 0..1 as it told, and after how many seconds."""
+    """Reported progress of a solve, 0..1, and the elapsed seconds."""
 
     told: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
@@ -97,14 +97,14 @@ class Watched:
 
     @property
     def of_stages(self) -> np.ndarray:
-        """(n,) part of the time, 0..1, that each stage takes."""
+        """Fractions (n,) of the time, 0..1, by stage."""
         ends = [end for _, end in spans(*((stage,) for stage in SHARES))]
         after = np.searchsorted(self.told, np.array(ends) - 1e-9)
         return np.diff(np.array(self.seconds)[after], prepend=0.0) / self.seconds[-1]
 
 
 class Memory:
-    """Bytes that are taken from now on, at the most; 0 where that is not known."""
+    """Peak of additional memory from now on, bytes; 0 if unknown."""
 
     def __init__(self) -> None:
         self._before = 0
@@ -124,7 +124,7 @@ class Memory:
 
 
 def rig_of(make: Callable[..., Rig], arguments: argparse.Namespace) -> Rig:
-    """The rig of a case, with a display of another size where that is asked for."""
+    """The rig of a case, with a display of another size if requested."""
     return make(display_pixels=arguments.display) if arguments.display else make()
 
 
@@ -187,7 +187,7 @@ def measure_stages(
 def measure_light(
     name: str, make: Callable[..., Rig], arguments: argparse.Namespace
 ) -> Iterator[Row]:
-    """What Ghosts and Suppress Glare cost or gain."""
+    """Cost and gain of Ghosts and Suppress Glare."""
     a_rig, settings = rig_of(make, arguments), Settings(effort=arguments.effort)
     seen = {choice[:2]: choice.seen_psnr for choice in run_steps(measure_choices(a_rig, settings))}
     first = run_steps(Session().solve(a_rig, replace(settings, ghosts="strongest"))).first

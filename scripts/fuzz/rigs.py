@@ -1,8 +1,8 @@
-"""Random rigs for scripts/fuzz/run.py, each made in Blender from one generator of random numbers.
+"""Random rigs for scripts/fuzz/run.py, each made in Blender from one random generator.
 
-A rig begins as one that makes sense: glass, picture, plate, display and viewer where Add Rig would
-put them. A third stay that way, *tame*; in the others every part may be spoilt, moved away, left
-out or given settings that nobody would choose.
+A rig begins with a sensible arrangement: glass, picture, plate, display and viewer as placed by Add
+Rig. A third stay *tame*. In the others, every part may be damaged, moved away, left out or given
+absurd settings.
 """
 
 from __future__ import annotations
@@ -127,9 +127,7 @@ SHAPES: tuple[Callable[[Dice], bpy.types.Mesh], ...] = (
 def from_arrays(
     points: Floats, faces: list[list[int]], edges: Sequence[tuple[int, int]] = ()
 ) -> bpy.types.Mesh:
-    """A mesh of vertices (n, 3) and faces, not validated: what
-    scripts and importers may hand to Blender.
-    """
+    """An unvalidated mesh of vertices (n, 3) and faces, as scripts and importers may make it."""
     mesh = bpy.data.meshes.new("Mesh")
     mesh.from_pydata(points.tolist(), list(edges), faces)
     mesh.update()
@@ -145,7 +143,7 @@ def arrays_of(mesh: bpy.types.Mesh) -> tuple[Floats, list[list[int]]]:
     ]
 
 
-# powers of ten by which coordinates of a mesh may be too large or too small
+# exponents of ten of extreme coordinates
 POWERS = {"huge": (5, 38), "tiny": (-30, -5), "denormal": (-45, -38)}
 # faults of a mesh of any shape
 FLAWS = (
@@ -268,7 +266,7 @@ def modify(dice: Dice, thing: bpy.types.Object) -> None:
 def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
     """A plane of size 1 with a UV map over all of it, facing +z.
 
-    Wild ones are bent, or their UV map is no good.
+    Wild ones are bent, or have a bad UV map.
     """
     n = dice.pick((1, 1, 1, 2, 5))
     x, y = (c.ravel() for c in np.meshgrid(*2 * [np.linspace(0, 1, n + 1)]))
@@ -306,7 +304,7 @@ def panels(x: Floats, z: Floats, u: Floats) -> bpy.types.Mesh:
 
 
 def folded(dice: Dice) -> bpy.types.Mesh:
-    """A display of two panels that meet at an angle, with or without a gap in the image."""
+    """A display of two panels at an angle, with or without a gap in the image."""
     angle, gap = dice.rng.uniform(0.2, 1.5), dice.pick((0.0, 0.05))
     x, z = np.array([-0.5, 0.0, 0.5 * np.cos(angle)]), np.array([0, 0, 0.5 * np.sin(angle)])
     return panels(x, z, np.array([[0, 0.5 - gap], [0.5 + gap, 1]]))
@@ -322,7 +320,7 @@ def rolled(dice: Dice) -> bpy.types.Mesh:
 
 
 def strange_uv(dice: Dice, uv: Floats) -> Floats:
-    """UV coordinates (l, 2) that are none, or not those of the whole image."""
+    """UV coordinates (l, 2) that are missing, or do not cover the whole image."""
     rng = dice.rng
     kinds: dict[str, Callable[[], Floats]] = {
         "zero": lambda: 0 * uv,
@@ -375,7 +373,7 @@ def scaled(frame: Matrix, size: Sequence[float] | float) -> Matrix:
 
 
 def glass_material(dice: Dice) -> bpy.types.Material | None:
-    """A material that refracts, or one that does not."""
+    """A refractive or other material."""
     kind = dice.pick(("none", "Glass", "Glass", "Refraction", "Principled", "Diffuse"))
     if kind == "none":
         return None
@@ -397,7 +395,7 @@ def glass_material(dice: Dice) -> bpy.types.Material | None:
 
 
 def add_brought_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
-    """Glass of a kind that artists bring: a text, a curve, a body of modifiers."""
+    """Glass as artists bring it: a text, a curve, a body with modifiers."""
     kind = dice.pick(sorted(BROUGHT))
     dice.drawn.append(kind)
     thing = BROUGHT[kind](dice.rng)
@@ -464,7 +462,7 @@ def add_instances(dice: Dice, thing: bpy.types.Object, size: float) -> None:
 
 
 def add_odd_object(dice: Dice, size: float) -> None:
-    """An object that is no mesh, with a role."""
+    """A non-mesh object with a role."""
     data = bpy.data
     kinds: dict[str, Callable[[], bpy.types.ID | None]] = {
         "curve": lambda: data.curves.new("Curve", "CURVE"),
@@ -608,7 +606,7 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
 
 
 def add_extras(dice: Dice, frames: Sequence[Floats], size: float) -> None:
-    """Mirrors and blockers, and parts of which there should be one only."""
+    """Mirrors and blockers, and duplicates of unique parts."""
     shares = {"mirror": 0.12, "blocker": 0.12, "display": 0.04, "picture": 0.04, "plate": 0.08}
     for role, share in shares.items():
         if dice.wild(share, f"another {role}"):
@@ -647,9 +645,9 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
 
 
 def behind_glass(dice: Dice, centre: Floats, size: float, distance: float) -> Placement | None:
-    """The places of a rig without a plate, for a seventh of all rigs; None for the others.
+    """Placements of a rig without a plate, for a seventh of all rigs; None for the others.
 
-    It has random numbers of its own, so that the others are the rigs they always were.
+    It has a random generator of its own, so other rigs keep their random numbers.
     """
     rng = dice.rng.spawn(1)[0]
     if rng.random() > STRAIGHT:
@@ -666,7 +664,7 @@ def behind_glass(dice: Dice, centre: Floats, size: float, distance: float) -> Pl
 
 
 def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after the other
-    """Make a random rig in the scene, which is empty; the choices that were drawn."""
+    """Make a random rig in the empty scene; returns the random choices."""
     dice = Dice(rng)
     scene = bpy.context.scene
     units, size, centre = scene.unit_settings, SIZE, np.zeros(3)

@@ -1,9 +1,9 @@
-"""Random rigs through the operators: each ends in a valid result
-or in one sentence. Runs inside Blender; see dev.py.
+"""Random rigs through the operators: each ends in a valid result or in one message. Runs inside
+Blender; see dev.py.
 
-A rig is made from the two numbers [seed, k] alone, so a failure is repeated by `dev.py fuzz --seed
-SEED --only K`. Rigs are tried in a process of their own, which a clock outside Python ends when one
-takes too long; the next process goes on behind it.
+A rig is made only from the two numbers [seed, k], so `dev.py fuzz --seed SEED --only K` repeats a
+failure. Rigs run in a process of their own. A clock outside of Python ends it if a rig takes too
+long, and the next process continues with the next rig.
 """
 
 from __future__ import annotations
@@ -56,21 +56,23 @@ from .rigs import Dice, make_rig
 
 SECONDS = 60.0  # of the processor, for one rig; more is a hang
 BY_NUMPY = 5  # times as many without the kernel
-IDLE = 10  # times as many seconds by the clock: a rig that waits, or a machine that is busy
+# ratio of wall seconds to processor seconds: a rig may wait, a machine may be busy
+IDLE = 10
 # for the visible range, which needs half a million rays
 FEW_FACES = 100
 FEW_EVENTS = 32
 AT_ONCE = 100  # rigs in one process
-BOTH_WAYS = 2000  # rays that are followed by numpy's way and by the kernel
+BOTH_WAYS = 2000  # rays traced both by numpy and by the kernel
 LONGEST = 500  # characters of an error
-MOST_SAID = 3000  # of what a process said that has ended
+MOST_SAID = 3000  # of the output of a terminated process
 SANITISER = re.compile(r"ERROR: AddressSanitizer|\S+: runtime error: ")
 QUOTED = re.compile(r"'[^']*'")
 NONSENSE = re.compile(r"\b(nan|inf|Traceback)\b")
-SECOND_SENTENCE = re.compile(r"[.!?]\s+[A-Z]")
+NEXT_SENTENCE = re.compile(r"[.!?]\s+[A-Z]")
+MOST_SENTENCES = 3  # the fault, the state, and the remedy
 NUMBER = re.compile(r"-?\d[\d.e+-]*")
-ROUNDING = 1e-6  # by which shares may miss 0, 1 or their sum
-# Properties of a scene that say how it is shown, or are made when they are asked for
+ROUNDING = 1e-6  # tolerance of shares at 0, at 1 and of their sum
+# properties of a scene that control its display, or are created on access
 UNTOLD = {
     "rna_type", "users", "is_updated", "is_updated_data", "is_evaluated", "original", "preview",
     "session_uid", "tag", "is_dirty", "has_data", "bindcode", "pixels", "depsgraph", "is_editmode",
@@ -114,7 +116,7 @@ class WrongError(Exception):
 
 
 def told_of(value: Any, depth: int = 4) -> Any:
-    """A property's value as something that can be compared."""
+    """A property's value in a comparable form."""
     if isinstance(value, bpy.types.ID):
         return f"{type(value).__name__} {value.name}"
     if isinstance(value, bpy.types.bpy_struct):
@@ -131,7 +133,7 @@ def told_of(value: Any, depth: int = 4) -> Any:
 
 
 def properties(thing: bpy.types.bpy_struct, depth: int = 4) -> dict[str, Any]:
-    """All that Blender's interface could show of a thing."""
+    """All properties of a thing in Blender's interface."""
     names = [name for name in thing.bl_rna.properties.keys() if name not in UNTOLD]  # noqa: SIM118 - no dict
     return {name: told_of(getattr(thing, name, None), depth) for name in names}
 
@@ -150,7 +152,7 @@ def inventory() -> dict[str, dict[str, Any]]:
         for block in getattr(bpy.data, group):
             if block.name == "Render Result":
                 continue
-            if group == "meshes":  # their vertices are too many to be asked one by one
+            if group == "meshes":  # their vertices are too many to read one by one
                 told: dict[str, Any] = {"materials": told_of(block.materials)}
                 told["vertices"] = column(block.vertices, "co", 3, np.float32)
                 told["corners"] = column(block.loops, "vertex_index", 1, np.int32)
@@ -167,7 +169,7 @@ def inventory() -> dict[str, dict[str, Any]]:
 
 
 def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, Any]]) -> list[str]:
-    """Properties that are no longer as they were, as "kind name property"."""
+    """Changed properties, as "kind name property"."""
     both = before.keys() & after.keys()
     changed = [
         f"{name} {key}"
@@ -205,22 +207,23 @@ MAY_CHANGE = {
 }
 
 
-# Ends that an operator may come to
+# possible ends of an operator
 
 
 def refusal(error: RuntimeError) -> str:
     """The sentence an operator was left with; WrongError when it is none."""
     text = str(error).strip().removeprefix("Error: ")
-    # the words of work.sentence for an error that was not foreseen
-    if "Traceback" in text or "please report this" in text:
+    # work.sentence's words for an unexpected error
+    if "Traceback" in text or "please report" in text.lower():
         raise WrongError(text)
     text = re.sub(r"^Operator bpy\.ops\.\S+ (failed, )?", "", text)
     plain = QUOTED.sub("''", text)
 
     for is_wrong, why in (
         (not text.endswith("."), "does not end with a full stop"),
-        ("\n" in text or SECOND_SENTENCE.search(plain), "is more than one sentence"),
-        (NONSENSE.search(plain), "tells of what is no number"),
+        ("\n" in text, "has several lines"),
+        (len(NEXT_SENTENCE.findall(plain)) >= MOST_SENTENCES, "has too many sentences"),
+        (NONSENSE.search(plain), "has a value that is not a number"),
         (not 10 < len(text) <= LONGEST, "is too short or too long"),
     ):
         if is_wrong:
@@ -261,7 +264,7 @@ def need(is_so: bool, otherwise: str) -> None:
 
 
 def are_shares(values: Any) -> bool:
-    """Are these numbers all within 0..1, but for rounding?"""
+    """Whether all numbers are within 0..1, up to rounding."""
     values = np.asarray(values, float)
     return bool(((values >= -ROUNDING) & (values <= 1 + ROUNDING)).all())
 
@@ -322,7 +325,7 @@ def check_solution(
 
 
 def check_kernel(rig: Rig, settings: Settings) -> None:
-    """WrongError where the compiled kernel passes by a face that numpy's way meets."""
+    """Raise WrongError if the compiled kernel misses a face that numpy hits."""
     size = rig.viewer.width, rig.viewer.height
     plan = compile_plan(rig, settings)
     if kernel_tracer.left_out(plan.layers, plan.parts.kind) is None:
@@ -343,11 +346,12 @@ def is_comparable(reading: blender_scene.Reading, dice: Dice) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """Landings of the middles of the viewer's pixels (n,), row by row, in core and in Cycles.
+    """Landings of the viewer's pixel middles (n,), row by row, in core and in Cycles.
 
-    is_ours, is_theirs : those that arrive in core, and in Cycles; off : display px apart, NaN where
-        they do not arrive in both; is_glass, by_gap, by_odd_normal : of core's, those that meet
-        glass, go in or out by a gap in it, and are bent by a normal that contradicts its face
+    is_ours, is_theirs : rays that arrive in core, and in Cycles
+    off : display px apart, NaN unless both arrive
+    is_glass, by_gap, by_odd_normal : core's rays that hit glass, pass a gap in it, and are bent by
+        a normal that contradicts its face
     """
 
     is_ours: np.ndarray
@@ -359,7 +363,7 @@ class Compared:
 
 
 def compared(scene: bpy.types.Scene, reading: blender_scene.Reading) -> Compared:
-    """Where light lands in core, beside Cycles."""
+    """Landings in core and in Cycles."""
     rig = reading.rig
     x, y = np.meshgrid(np.arange(rig.viewer.width) + 0.5, np.arange(rig.viewer.height) + 0.5)
     rays = rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
@@ -385,8 +389,8 @@ def compared(scene: bpy.types.Scene, reading: blender_scene.Reading) -> Compared
 
 
 def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, float] | None:
-    """Differences of landings in core and in Cycles, display px, and shares, 0..1; without
-    light at normals that contradict their face, which Cycles turns.
+    """Differences of landings in core and in Cycles, display px, and shares, 0..1; without light at
+    normals that contradict their face, which Cycles corrects.
     """
     found = compared(scene, reading)
     agrees = ~found.by_odd_normal
@@ -394,7 +398,9 @@ def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, f
 
 
 def how_far(is_ours: np.ndarray, is_theirs: np.ndarray, off: np.ndarray) -> dict[str, float] | None:
-    """Median and 95 % of those that arrive in both, and shares; None where none does in Cycles."""
+    """Median and 95 % of the rays that arrive in both, and shares; None if none arrives in
+    Cycles.
+    """
     off = off[is_ours & is_theirs]
     if not is_theirs.any():
         return None
@@ -571,8 +577,10 @@ def work_off(options: argparse.Namespace) -> None:
 
 @contextlib.contextmanager
 def ended_after(seconds: float) -> Iterator[None]:
-    """End the process, from outside Python, where something takes so many seconds of the processor,
-    which a busy machine makes no more; on Windows, and where it waits, so many times `IDLE`.
+    """End the process from outside of Python after so many processor seconds, which do not depend
+    on
+    the machine's load. On Windows, and for a waiting process, after `IDLE` times as many wall
+    seconds.
     """
     faulthandler.dump_traceback_later(IDLE * seconds, exit=True)
     if hasattr(signal, "setitimer"):
@@ -588,8 +596,8 @@ def ended_after(seconds: float) -> Iterator[None]:
 def in_processes(
     options: argparse.Namespace, rigs: list[int], variables: dict[str, str]
 ) -> list[Outcome]:
-    """Outcomes of rigs, each tried in a process, with these environment variables, that may end
-    with it.
+    """Outcomes of rigs, each in a process, with these environment variables, that may crash with
+    it.
     """
     found: list[Outcome] = []
     while len(found) < len(rigs):
@@ -630,7 +638,7 @@ def in_processes(
 
 
 def last_of(said: str) -> str:
-    """What a process said at its end: of a sanitiser's report the beginning."""
+    """Last output of a process; of a sanitiser's report, its beginning."""
     report = SANITISER.search(said)
     return said[report.start() :][:MOST_SAID] if report else said[-MOST_SAID:]
 

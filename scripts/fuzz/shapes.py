@@ -31,7 +31,7 @@ def shown_points(thing: bpy.types.Object) -> np.ndarray:
 
 
 def fitting(thing: bpy.types.Object) -> Matrix:
-    """The matrix that takes an object to the origin and to a size of one unit, if it has any."""
+    """The matrix that moves an object to the origin and scales it to one unit, if it has a size."""
     points = shown_points(thing)
     if not len(points):
         return Matrix()
@@ -150,7 +150,7 @@ def text(random: Random, bevel: float = 0.0) -> bpy.types.Object:
 
 
 def rod(random: Random) -> bpy.types.Object:
-    """A curve with a bevel and filled caps, which are three shells that touch."""
+    """A curve with a bevel and filled caps: three touching shells."""
     data = bpy.data.curves.new("Rod", "CURVE")
     data.dimensions, data.use_fill_caps = "3D", True
     data.bevel_depth = random.uniform(0.1, 0.4)

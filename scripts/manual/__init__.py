@@ -1,1 +1,3 @@
-"""The manual: its site, and a hand that plays its steps in the real Blender and takes pictures."""
+"""The manual: its site, and a simulated hand that plays its steps in the real Blender and takes
+pictures.
+"""

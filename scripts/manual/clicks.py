@@ -1,11 +1,12 @@
 """Counts the clicks from selected glass to a visible picture and to an exported file, and checks
-that the main buttons stay in place.
+the
+positions of the main buttons.
 
-Plays each way in the real Blender, by events of mouse and keys. The picture is visible when the
+Plays each task in the real Blender with mouse and keyboard events. The picture is visible when the
 viewport shows the viewer's view and the source image is final; it is exported when the file exists.
-The count leaves out the events that search for a button. Ends with 1 if a way takes more clicks
-than allowed, if its clicks and its steps differ, if a step is impossible, or if a main button moves
-in any state of the checklist, of Live or of Solve.
+Events that search for a button are not counted. Ends with 1 if a task takes more clicks than
+allowed, if its clicks and its steps differ, if a step is impossible, or if a main button moves in
+any state of the checklist, of Live or of Solve.
 """
 
 from __future__ import annotations
@@ -46,7 +47,9 @@ def main() -> None:
 
 
 def is_over(name: str, way: Way, told: dict) -> bool:
-    """Does a way take more clicks than it may, or others than its steps tell of? Says which."""
+    """Whether a task takes too many clicks, or a number that differs from its steps; prints
+    which.
+    """
     clicks, named = told["n_clicks"], len(told["clicks"])
     if clicks != named:
         print(f"{name}: {clicks} clicks were sent, but its steps are {named}.", file=sys.stderr)

@@ -1,7 +1,7 @@
 """A picture of Blender's window as raw RGB, row 0 at the top.
 
-Blender's own screenshot reads the front buffer, which is black where OpenGL is drawn by software.
-There the picture is asked of the X server.
+Blender's own screenshot reads the front buffer, which is black with software OpenGL. Then the
+picture comes from the X server.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SHOT = "shot.png"  # Blender's own, which is read and gone again
 
 
 class XImage(ctypes.Structure):
-    """The beginning of Xlib's structure of that name."""
+    """The beginning of Xlib's structure of the same name."""
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("width", "height", "xoffset", "format")),
@@ -37,7 +37,7 @@ def grab(window: bpy.types.Window, path: Path) -> tuple[int, int]:
 
 
 def look(window: bpy.types.Window, path: Path) -> np.ndarray:
-    """The window's pixels (height, width, 3), uint8; the path is of a file that is gone again."""
+    """The window's pixels (height, width, 3), uint8, by a temporary file at `path`."""
     if is_black(path):
         return by_x_server(window.width, window.height)
     with bpy.context.temp_override(window=window):
@@ -45,8 +45,9 @@ def look(window: bpy.types.Window, path: Path) -> np.ndarray:
 
 
 def glance(window: bpy.types.Window, path: Path) -> bytes:
-    """Bytes that are the same as long as the window is. No image comes or goes: Cycles would begin
-    the viewport's one anew.
+    """Bytes that are equal while the window does not change. No image is added or removed, or
+    Cycles
+    would restart the viewport's image.
     """
     if is_black(path):
         return by_x_server(window.width, window.height).tobytes()
@@ -58,7 +59,7 @@ def glance(window: bpy.types.Window, path: Path) -> bytes:
 
 @cache
 def is_black(path: Path) -> bool:
-    """Is Blender's own screenshot black here? One is taken, into a file that is gone again."""
+    """Whether Blender's own screenshot is black on this machine, by a temporary file."""
     return not by_blender(path).any()
 
 

@@ -53,10 +53,10 @@ def play_all(names: list[str], folder: Path, language: str) -> Iterator[float]:
 
 
 def set_preferences(language: str) -> None:
-    """What a window has to be like for its pictures to be alike on any machine."""
+    """Settings of a window for equal pictures on any machine."""
     preferences = bpy.context.preferences
     preferences.view.show_splash = False
-    preferences.view.show_tooltips = False  # they would stand before the buttons
+    preferences.view.show_tooltips = False  # they would cover the buttons
     preferences.view.smooth_view = 0
     preferences.view.filebrowser_display_type = "SCREEN"
     preferences.view.render_display_type = "NONE"

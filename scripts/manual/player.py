@@ -1,8 +1,8 @@
 """Plays steps in the real Blender: moves the mouse, clicks, types, and takes pictures.
 
-Runs inside a Blender that was started with `--enable-event-simulate`. Each event is put into the
-window's own queue, and Blender handles it as one of a real mouse. A play is a generator that is
-driven by a timer, since Blender handles events, and draws, only between two calls of a timer.
+Runs inside a Blender started with `--enable-event-simulate`. Each event enters the window's own
+queue, and Blender handles it like a real one. A timer drives a play, which is a generator, since
+Blender handles events and draws only between two calls of a timer.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ STEP = 11  # px between two places at which the mouse asks for a button; buttons
 COLUMNS = {"UI": (0.45, 0.84, 0.2), "EXECUTE": (0.93,)}
 MOMENT = 0.04  # s in which Blender handles an event
 BREATH = 0.5  # s in which it draws
-PAGE = 8  # turns of the wheel by which a sidebar is scrolled when a button is not found
+PAGE = 8  # turns of the wheel to scroll a sidebar in search of a button
 PAGES = 10  # a third of them down, and then up, beyond the place where the search began
 EDGE = 16  # px at a region's lower end, where a click would size it
 TITLE = 0.2  # of a region's width: a panel's title, left of the rig's name
 HEADER = 28  # px from one closed panel to the next
 ROW = 25  # px from a row of a panel to the one above, with the space between two groups
-OPENED = 10_000  # pixels of a window that a menu changes; a button under the mouse has fewer
+OPENED = 10_000  # pixels of a window changed by a menu; a button under the mouse changes fewer
 PATIENCE = 60  # breaths in which a busy Blender opens something
 
 
 class StuckError(Exception):
-    """A step that cannot be played, in one sentence."""
+    """An impossible step, in one sentence."""
 
 
 class Player:
@@ -61,11 +61,11 @@ class Player:
         self.folder = folder
         self.clicks: list[str] = []
         self.keys: list[str] = []
-        self.sent: Counter[str] = Counter()  # presses that were put into the window's queue
-        self.searches: Counter[str] = Counter()  # those of them that only looked for a place
+        self.sent: Counter[str] = Counter()  # presses sent to the window's queue
+        self.searches: Counter[str] = Counter()  # presses sent only to search for a place
         self.places: dict[str, dict[str, int]] = {}  # px, by state and button
         self.scrolls = 0
-        self.seconds = 0.0  # that it had to wait for Kiriko
+        self.seconds = 0.0  # spent waiting for Kiriko
         self.x = self.y = 100
 
     # Where things are
@@ -89,7 +89,7 @@ class Player:
         return found[0]
 
     def under_mouse(self, area: str, region: str) -> str:
-        """The Python command or the property's path of the button that the mouse is over."""
+        """The Python command or the property path of the button under the mouse."""
         manager = bpy.context.window_manager
         before = manager.clipboard
         with bpy.context.temp_override(
@@ -109,7 +109,7 @@ class Player:
             manager.clipboard = before
         return command
 
-    # What the hand does
+    # actions of the hand
 
     def move(self, x: float, y: float) -> Iterator[float]:
         self.x, self.y = int(x), int(y)
@@ -118,7 +118,7 @@ class Player:
 
     @contextmanager
     def searching(self) -> Iterator[None]:
-        """Presses within are those of a hand that cannot read, and no part of the way."""
+        """Presses inside this context only search, and do not count for the task."""
         before = self.sent.copy()
         try:
             yield
@@ -127,8 +127,9 @@ class Player:
 
     @property
     def n_clicks(self) -> int:
-        """Clicks that were sent and that the way takes; an item of a menu that is taken by the key
-        Return counts as one, since a mouse would click it.
+        """Clicks sent for the task. A menu item chosen by the key Return counts as one, since a
+        mouse
+        would click it.
         """
         made = self.sent - self.searches
         return made["LEFTMOUSE"] + made["RET"]
@@ -190,7 +191,7 @@ class Player:
             found[plain(button)] = self.y
 
     def open_menu(self) -> Iterator[float]:
-        """Click, and wait until a menu is seen: keys that come before it are lost."""
+        """Click, and wait until a menu is visible: earlier keys would be lost."""
         yield 2 * BREATH
         path = self.folder / SHOT
         before = look(self.window, path)
@@ -203,7 +204,9 @@ class Player:
 
     def tab(self, step: Tab) -> Iterator[float]:
         """Click the tabs from the top down until the wanted one is open, then the first one, and
-        the wanted one once more: that click is the way's. Blender does not tell where tabs are.
+        the
+        wanted one once more: only the last click counts. Blender does not report the positions of
+        tabs.
         """
         region = self.region("VIEW_3D", "UI")
         is_open = lambda: region.active_panel_category == step.name  # noqa: E731
@@ -238,7 +241,7 @@ class Player:
                 return
 
     def unfold(self, step: Unfold) -> Iterator[float]:
-        """Close all panels, whose headers then stand in a row, and open the wanted one."""
+        """Close all panels, so their headers form a row, and open the wanted one."""
         region = self.region("VIEW_3D", "UI")
         x, top = region.x + TITLE * region.width, region.y + region.height - HEADER / 2
         yield from self.move(x, top)
@@ -268,7 +271,7 @@ class Player:
         yield BREATH
 
     def choose(self, step: Choose) -> Iterator[float]:
-        """Go down by the keys: Blender does not tell where a menu's items are."""
+        """Go down by the keys: Blender does not report the positions of menu items."""
         group, verb = step.operator.split(".")
         kind = getattr(getattr(bpy.ops, group), verb).get_rna_type()
         items = [item.name for item in kind.properties["preset"].enum_items]
@@ -334,7 +337,7 @@ class Player:
                 shown, since = now, time.monotonic()
 
     def shot(self, step: Shot) -> Iterator[float]:
-        """Take a picture, and leave beside it which part is wanted and where the ring goes."""
+        """Take a picture, and write the wanted part and the position of the ring next to it."""
         ring = None
         if step.at:
             yield from self.find(step.at, step.at_area, step.at_region)

@@ -1,4 +1,4 @@
-"""What is played: the steps of the manual, each with its picture, and the ways that are counted."""
+"""The plays: the steps of the manual, each with its picture, and the counted tasks."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def translations(locale: str) -> dict[str, str]:
 
 
 def named(name: str) -> str:
-    """Pattern of a name that Blender gives in the language of its interface."""
+    """Pattern of a name in the language of Blender's interface."""
     others = (translations(locale).get(name, name) for locale in LANGUAGE.values())
     return f"({'|'.join(map(re.escape, (name, *others)))})"
 
@@ -183,7 +183,7 @@ def words_only(steps: list[Step]) -> list[Step]:
 
 
 def see(glass: str, kind: str) -> list[Step]:
-    """From glass that is selected, with the sidebar closed, to the picture in it."""
+    """From selected glass, with the sidebar closed, to the picture in it."""
     return [
         Do(glass),
         *SIDEBAR,

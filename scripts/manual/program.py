@@ -19,7 +19,7 @@ from environments import ROOT, ToolError, clean_environment, newest_blender, run
 
 SIZE = 1280, 800  # px of the window: large enough for all parts of Blender's own layout
 VARIABLE = "KIRIKO_BLENDER"
-FREE = range(90, 100)  # numbers of displays that Xvfb may take
+FREE = range(90, 100)  # display numbers for Xvfb
 MINUTES = 40.0
 NO_BLENDER = (
     "No Blender program was found: install Blender 5.2, and name it by --blender PATH or by the"
@@ -32,15 +32,15 @@ NO_DISPLAY = (
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Let a script be told of a Blender, and of Kiriko's zip."""
+    """Add options for Blender and for Kiriko's zip to a script."""
     where = f"the Blender program; else that of {VARIABLE}, else that of the PATH"
     parser.add_argument("--blender", metavar="PROGRAM", help=where)
-    zipped = "Kiriko's zip for this machine; else it is built anew"
+    zipped = "Kiriko's zip for this machine; built by default"
     parser.add_argument("--extension", type=Path, metavar="ZIP", help=zipped)
 
 
 def blender_program(named: str | None) -> str:
-    """The Blender that is named, else that of the environment variable, else that of the PATH."""
+    """Blender's path: as given, else from the environment variable, else on the PATH."""
     wanted = named or os.environ.get(VARIABLE) or "blender"
     found = shutil.which(wanted)
     if found is None:
@@ -75,7 +75,7 @@ def screen(size: tuple[int, int] = SIZE) -> Iterator[dict[str, str]]:
 
 
 def built_extension() -> Path:
-    """The zip for this machine, built anew."""
+    """A new zip for this machine."""
     run([set_up(*newest_blender()), ROOT / "scripts" / "package.py", "--keep-manual"])
     arm = platform.machine().lower() in {"arm64", "aarch64"}
     system = {"linux": "linux", "darwin": "macos", "win32": "windows"}[sys.platform]
@@ -91,9 +91,9 @@ def play(
     inside: str = "manual/inside.py",
     size: tuple[int, int] = SIZE,
 ) -> Path:
-    """Play in a new Blender with an empty profile; the folder with pictures and accounts.
+    """Play in a new Blender with an empty profile; returns the folder with pictures and accounts.
 
-    language : that of Blender's interface
+    language : of Blender's interface
     inside : script of scripts/ for Blender to run
     size : of the window, px
     """
@@ -113,7 +113,7 @@ def play(
         screen(size) as variables,
         tempfile.TemporaryDirectory(prefix="profile-", dir=folder) as home,
     ):
-        # a home of its own, or a file that is there could be taken for the exported one
+        # a home of its own, or an existing file could pass for the exported one
         extra = {
             "BLENDER_USER_RESOURCES": home,
             "HOME": home,

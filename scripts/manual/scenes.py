@@ -71,7 +71,7 @@ def is_quiet() -> bool:
 
 
 def exported() -> Path:
-    """The file that was exported last."""
+    """The newest exported file."""
     return Path(bpy.path.abspath(bpy.context.scene.kiriko.export_path))
 
 
@@ -98,7 +98,7 @@ def show_window() -> None:
 
 
 def keep_shown() -> None:
-    """What the show window has on the screen, and the exported file, beside the accounts."""
+    """The show window's pixels on the screen and the exported file, next to the accounts."""
     folder = Path(sys.argv[sys.argv.index("--") + 2])
     (window,) = kiriko("operators.show_window").show_windows()
     region = next(
@@ -156,7 +156,7 @@ def ball() -> None:
 
 
 def nothing_else() -> None:
-    """Take away the camera and the light of Blender's own scene, which stand far away."""
+    """Remove the camera and the light of Blender's default scene, which are far away."""
     for thing in list(bpy.data.objects):
         if thing.type in {"CAMERA", "LIGHT"}:
             bpy.data.objects.remove(thing)
@@ -245,7 +245,7 @@ def is_telephone() -> bool:
 
 
 def panels() -> list[str]:
-    """Kiriko's panels in the sidebar that have a header of their own, from the top down."""
+    """Kiriko's panels with a header of their own in the sidebar, from the top down."""
     shown = kiriko("panels").CLASSES
     return [
         panel.__name__

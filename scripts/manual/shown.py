@@ -1,8 +1,8 @@
-"""Compares what Show Window has on the screen with the file of the source image, pixel for pixel.
+"""Compares Show Window's pixels on the screen with the file of the source image.
 
-Plays glass, picture, Solve, Export and Show Window in the real Blender, asks the screen what is on
-it, and reads the exported PNG by Pillow. Prints how many pixels differ: those of the image, and
-those around it, which are to be black. Ends with 1 where one does.
+Plays glass, picture, Solve, Export and Show Window in the real Blender, reads the screen, and reads
+the exported PNG by Pillow. Prints how many pixels differ, in the image and around it, where they
+have to be black. Ends with 1 if a pixel differs.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def main() -> None:
 
 
 def is_shown(folder: Path) -> bool:
-    """Is the image on the screen that of the file? Prints what is."""
-    # not above, for dev.py shows the options in a Python that has no Pillow
+    """Whether the image on the screen equals the file; prints the differences."""
+    # not at the top, because dev.py shows the options in a Python without Pillow
     from PIL import Image
 
     told = json.loads((folder / "shown.json").read_text(encoding="utf-8"))
@@ -60,7 +60,7 @@ def is_shown(folder: Path) -> bool:
     n_image = differing(screen.crop(box), wanted)
     n_colours = len(wanted.getcolors(columns * rows))
     print(
-        f"Show Window, {across} x {up} pixels of the screen, beside the file, {columns} x {rows}"
+        f"Show Window, {across} x {up} pixels of the screen, against the file, {columns} x {rows}"
         f" pixels in {n_colours} colours: {n_image} of {columns * rows} pixels differ; of"
         f" {across * up - columns * rows} around it {n_all - n_image} are not black."
     )

@@ -1,8 +1,8 @@
-"""The steps of a play: all that a hand does in the window, and the pictures that are taken of it.
+"""The steps of a play: all actions of a hand in the window, and the pictures.
 
-A play is a list of these. `player.py` plays them inside Blender, by events that go through the
-window's own queue. No step has a place in pixels: a button is found by moving the mouse over a
-region until Blender says that the button under it is the wanted one.
+A play is a list of steps. `player.py` plays them inside Blender, by events in the window's own
+queue. No step has a place in pixels: to find a button, the mouse moves over a region until Blender
+reports the wanted button under it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Press:
     button: str
     area: str = "VIEW_3D"
     region: str = "UI"
-    up: float = 0  # rows above the button that matches: Blender names no menu under the mouse
+    up: float = 0  # rows above the matching button: Blender reports no menu under the mouse
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Choose:
-    """In the menu that is open, whose items are those of an operator's property: take one."""
+    """Choose an item of the open menu of an operator's property."""
 
     operator: str
     item: str
@@ -68,7 +68,7 @@ class Choose:
 
 @dataclass(frozen=True)
 class Open:
-    """In the file browser, in the folder that pictures go to: click the file of this name."""
+    """Click a file in the file browser, in the folder of pictures."""
 
     name: str
 
@@ -83,8 +83,8 @@ class Until:
 
 @dataclass(frozen=True)
 class Still:
-    """Wait, where nothing can be asked, until the window is the same for so long: Cycles, which
-    makes an image finer and finer, has ended.
+    """Wait until the window has not changed for a time: Cycles, which refines its image, has then
+    ended.
     """
 
     seconds: float
@@ -93,7 +93,7 @@ class Still:
 
 @dataclass(frozen=True)
 class Do:
-    """A function of `scenes.py`, for what no hand does: a scene made ready, a file removed."""
+    """A function of `scenes.py`, for changes no hand makes: preparing a scene, removing a file."""
 
     function: str
 

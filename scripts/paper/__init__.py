@@ -1,1 +1,1 @@
-"""The paper's results beside ours, and their explanation."""
+"""The paper's results next to ours, and their explanation."""

@@ -48,7 +48,7 @@ def holes(source: Floats, best: Solution) -> int:
 
 
 def timed(run: Callable[[], Result]) -> tuple[Result, list[str]]:
-    """The result of a run, with seconds that passed and the processor's as a table has them."""
+    """The result of a run, with its wall and processor seconds, as in a table."""
     started = perf_counter()
     busy = process_time()
     found = run()

@@ -42,12 +42,12 @@ def solve(rig: Rig, **settings: float) -> Solution:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """One way to show the lattice in the cube, as it was measured.
+    """One measured method to show the lattice in the cube.
 
     Parameters
     ----------
-    ideal : (7, 7, 2) where the dots are wanted, px of the paper's photographs
-    in_core, in_cycles : displacement against that
+    ideal : (7, 7, 2) wanted positions of the dots, px of the paper's photographs
+    in_core, in_cycles : displacement from them
     """
 
     name: str
@@ -62,7 +62,7 @@ class Condition:
 
 
 def add_halves(rig: Rig, material: object) -> None:
-    """Put the glasses that InFloasion adds to a rig into the Blender scene."""
+    """Put the glasses added by InFloasion to a rig into the Blender scene."""
     for glass in rig.glasses:
         middle = glass.mesh.bounds.mean(axis=0)  # about it float32 is most exact
         mesh = bpy.data.meshes.new(glass.name)
@@ -75,8 +75,8 @@ def add_halves(rig: Rig, material: object) -> None:
 
 
 class Bench:
-    """The cube's rig as it stands in Blender, solved at the
-    viewer's own size and in the frame of the photographs.
+    """The cube's rig as placed in Blender, solved at the viewer's own size and in the frame of the
+    photographs.
     """
 
     def __init__(self, reading: Reading) -> None:

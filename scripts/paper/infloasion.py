@@ -11,12 +11,12 @@ from kiriko.core.base.vectors import normalise
 from kiriko.core.light.optics import reflect
 from kiriko.core.rig.rig import Mesh, Rig
 
-# m of air between the display and the half glass before it, so that the two are not in one place
+# m of air between the display and the half glass in front, so they do not coincide
 GAP = 1e-6
 
 
 def half_before(mesh: Mesh, point: Floats, normal: Floats) -> Mesh:
-    """The part of a flat-faced convex solid that lies before a plane, closed by the cut.
+    """The part of a flat-faced convex solid on one side of a plane, closed by the cut.
 
     Parameters
     ----------

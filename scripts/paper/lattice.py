@@ -83,7 +83,7 @@ def dots_in_cycles(
     """The dots of the lattice in a Cycles render, ACROSS pixels from the first to the last.
 
     source (H, W, 3) is on the display; ideal and seen (h, w, 3) are core's images of the viewer's
-    own size: `seen` says which part of the frame holds the dots, so that only that is rendered.
+    own size. `seen` shows which part of the frame has the dots, so only this part is rendered.
     """
     viewer = reading.rig.viewer
     width = measuring_width(reading, ideal)
@@ -106,7 +106,7 @@ def dots_in_cycles(
     render = render_preview(
         scene, reading, source, size=(width, height), border=border, samples=samples, fresnel=False
     )[..., :3]
-    asked = crop[3] - crop[1], crop[2] - crop[0], 3
-    if render.shape != asked:
-        raise ValueError(f"Cycles rendered {render.shape} where {asked} was asked for")
+    wanted = crop[3] - crop[1], crop[2] - crop[0], 3
+    if render.shape != wanted:
+        raise ValueError(f"Cycles rendered {render.shape} instead of {wanted}")
     return Dots(dot_centroids(render) + crop[:2], (width, height), crop)

@@ -1,7 +1,7 @@
-"""The effect of a bench that is off on the lattice in the cube, and what a photograph tells of it.
+"""The effect of a misaligned bench on the lattice in the cube, and the information in a photograph.
 
-The paper's cube rig with an ASKA3D-488, 49 points over 1165
-viewer pixels; simulated photographs with noise.
+The paper's cube rig with an ASKA3D-488, 49 points over 1165 viewer pixels; simulated photographs
+with noise.
 """
 
 from collections import Counter
@@ -25,9 +25,9 @@ ACROSS = 1165  # viewer px from the first to the last point
 WIDTH = 0.03
 FIELD = 0.05
 NOISE = 0.3  # viewer px
-BENCHES = 200  # random ones that are fitted
-N_SPREAD = 20_000  # random ones of which only the spread is told
-ASKED = 20  # of the fitted ones: which other photograph would tell most
+BENCHES = 200  # random benches with a fit
+N_SPREAD = 20_000  # random benches for the spread alone
+ADVISED = 20  # fitted benches with advice on another photograph
 
 
 def cube_bench() -> Bench:
@@ -40,9 +40,7 @@ def cube_bench() -> Bench:
 
 
 def tolerance_of(parameter: Parameter) -> float:
-    """Standard deviation to expect of a bench that was set up
-    with rulers and squares, of any size by its unit.
-    """
+    """Expected standard deviation of a bench set up with rulers and squares, by its unit."""
     by_unit = {"mm": "shift", "deg": "turn", "": "index", "%": "focal"}
     return TOLERANCES.get(parameter.kind, TOLERANCES[by_unit[parameter.unit]])
 
@@ -119,7 +117,7 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
         left.append(np.nanmean(np.linalg.norm(again - bench.view, axis=1)))
         conditions.append(found.condition)
         shares.append(found.errors / tolerances)
-        if k < ASKED:
+        if k < ADVISED:
             best = run_steps(extra_photographs(bench, found, tolerances, NOISE))[0]
             advised[best.where] += 1
             gains.append((best.gain, best.errors / tolerances))
@@ -130,8 +128,8 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
         f"{n} random benches, one photograph of each with {NOISE} px of noise; not fitted:"
         f" {failed}. Mean displacement before: {np.median(before):.1f} px in the median; solved"
         f" again with the fit: {np.median(left):.2f} px, below 1 px in {good:.1%}. Condition"
-        f" number in the median: {np.median(conditions):.1e}. The other photograph that would"
-        f" tell most, of the first {min(n, ASKED)} benches: {places}, by"
+        f" number in the median: {np.median(conditions):.1e}. The most informative other"
+        f" photograph, of the first {min(n, ADVISED)} benches: {places}, by"
         f" {np.median([gain for gain, _ in gains]):.1f} bits. What stays unknown of each amount,"
         " in what was to expect"
     )

@@ -1,4 +1,4 @@
-"""The paper's conditions, the numbers that it gives, and tables of them."""
+"""The paper's conditions, its published numbers, and tables of them."""
 
 from __future__ import annotations
 

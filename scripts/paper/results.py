@@ -1,7 +1,7 @@
-"""The paper's results beside Kiriko's, as tables and pictures in out/paper/: `dev.py paper`.
+"""The paper's results next to Kiriko's, as tables and pictures in out/paper/: `dev.py paper`.
 
 `cube`: the lattice in the cube, figures 7 and 8. `ball`: the ball's source image, figure 5.
-`misalignment`: which part of the cube's bench matters, and what one photograph tells of it.
+`misalignment`: which part of the cube's bench matters, and how much one photograph shows of it.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def show_ball(out: Path, spp: int) -> None:
 
 
 def show_misalignment(benches: int) -> None:
-    """Measure what a bench that is off does, and what its photograph tells."""
+    """Measure the effect of a misaligned bench, and the information in its photograph."""
     from .misalignment import cube_bench, fits, sensitivities
 
     bench = cube_bench()

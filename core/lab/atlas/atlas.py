@@ -213,7 +213,7 @@ class Making:
     """Inputs and output folder of an atlas.
 
     viewer : of the rig, whose head moves
-    known : maps traced by planning, by file name; each is released once written
+    traced : maps traced by planning, by file name; each is released once written
     save_image : writes a source image to a new file; None if no image can be written
     has_images : whether source images are requested
     """
@@ -225,7 +225,7 @@ class Making:
     folder: Path
     save_image: SaveImage | None = None
     has_images: bool = False
-    known: dict[str, HeadMap] = field(default_factory=dict)
+    traced: dict[str, HeadMap] = field(default_factory=dict)
 
     @cached_property
     def key(self) -> str:
@@ -259,8 +259,8 @@ def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[floa
     wanted = sorted(set(numbers) & set(missing(making.folder, atlas)))
     offsets, maps, images = atlas.grid.offsets(), atlas.maps, atlas.images
     for k, place in enumerate(wanted):
-        if (known := making.known.pop(maps[place], None)) is not None:
-            head_map.write(making.folder / maps[place], known)
+        if (traced := making.traced.pop(maps[place], None)) is not None:
+            head_map.write(making.folder / maps[place], traced)
             continue
 
         steps = solved_at(
@@ -427,7 +427,7 @@ def planned(
         refined = yield from refine(making.at, box, rig.picture_place, tolerance, most)
         if image_key is None:  # with source images, each position is solved again
             found = refined.maps.items()
-            making.known.update((map_name(offset), one) for offset, one in found)
+            making.traced.update((map_name(offset), one) for offset, one in found)
         atlas = new(rig, making.viewer, making.key, refined, tolerance, image_key)
 
     write(making.folder, atlas)

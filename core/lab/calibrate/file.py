@@ -122,13 +122,13 @@ def _problems(found: _Misplaced, names: dict[Site, str]) -> list[str]:
     def is_in_place_of(here: Site, there: Site) -> bool:
         return np.abs(found.at[here] - found.wanted[there]) < MISTAKEN * found.spacing[there]
 
-    told = []
+    messages = []
     swapped = set()
 
     for one, other in product(names, repeat=2):
         is_new = one != other and not swapped & {one, other}
         if is_new and is_in_place_of(one, other) and is_in_place_of(other, one):
-            told.append(
+            messages.append(
                 Message("points {one} and {other} seem swapped", one=names[one], other=names[other])
             )
             swapped |= {one, other}
@@ -136,7 +136,7 @@ def _problems(found: _Misplaced, names: dict[Site, str]) -> list[str]:
     for site in names:
         if site not in swapped:
             far = np.abs(found.at[site] - found.wanted[site])
-            told.append(
+            messages.append(
                 Message(
                     "point {point} is {far:.0f} pixels from its expected position",
                     point=names[site],
@@ -144,7 +144,7 @@ def _problems(found: _Misplaced, names: dict[Site, str]) -> list[str]:
                 )
             )
 
-    return told
+    return messages
 
 
 def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[str]:
@@ -195,17 +195,17 @@ def check_picture(
     points : (m, 2) px of the photograph, numbered; NaN if not found
     photograph, picture : (h, w, c), row 0 at the top; the picture contains the lattice
     """
-    is_known = np.isfinite(points).all(axis=1)
+    has_point = np.isfinite(points).all(axis=1)
     u, v = lattice.uv.T
 
     def terms(u: Floats, v: Floats) -> Floats:
         return np.stack([np.ones_like(u), u, v, u * v, u * u, v * v], axis=-1)
 
-    if is_known.sum() < 2 * terms(u, v).shape[1]:
+    if has_point.sum() < 2 * terms(u, v).shape[1]:
         return
 
     # picture positions in the photograph, by a quadratic fit
-    fit = np.linalg.lstsq(terms(u, v)[is_known], points[is_known], rcond=None)[0]
+    fit = np.linalg.lstsq(terms(u, v)[has_point], points[has_point], rcond=None)[0]
     side = (np.arange(N_COMPARED) + 0.5) / N_COMPARED
     u, v = (x.ravel() for x in np.meshgrid(side, side))
     at = terms(u, v) @ fit
@@ -218,7 +218,7 @@ def check_picture(
         for x, step in zip((u, 1 - v), steps, strict=True)
     )
     is_inside &= (column >= 0) & (column < lattice.columns) & (row >= 0) & (row < lattice.rows)
-    is_inside &= is_known[np.where(is_inside, row * lattice.columns + column, 0)]
+    is_inside &= has_point[np.where(is_inside, row * lattice.columns + column, 0)]
 
     way, more = _most_like(seen, is_inside, picture, np.stack([u, v], axis=1), steps)
     if more > (-0.005 if is_unsure else 0.005):

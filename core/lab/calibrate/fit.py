@@ -326,8 +326,8 @@ def _check(used: Bools, n_left: int, after: float, noise: float) -> None:
 def condition_of(movements: Floats) -> float:
     """Ratio of the largest and smallest singular value; infinite for fewer rows than columns."""
     singular = np.linalg.svd(movements, compute_uv=False)
-    is_known = len(movements) >= movements.shape[1] and singular[-1] > 0
-    return float(singular[0] / singular[-1]) if is_known else float("inf")
+    is_determined = len(movements) >= movements.shape[1] and singular[-1] > 0
+    return float(singular[0] / singular[-1]) if is_determined else float("inf")
 
 
 def _rms(distances: Floats) -> float:

@@ -131,12 +131,12 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
             tried[site] = len(near)
 
             # the nearest point of similar size
-            known = [sites[s] for s in near]
+            neighbours = [sites[s] for s in near]
             place, there = predicted(
-                site, near, at[known], np.mean([bases[s] for s in near], axis=0)
+                site, near, at[neighbours], np.mean([bases[s] for s in near], axis=0)
             )
             off = np.where(
-                np.abs(np.log(sizes / np.median(sizes[known]))) < UNLIKE,
+                np.abs(np.log(sizes / np.median(sizes[neighbours]))) < UNLIKE,
                 np.abs(at - place),
                 np.inf,
             )
@@ -300,15 +300,15 @@ def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArra
     right = (at[:-1, 1:] - at[:-1, :-1]).ravel()
     down = (at[1:, :-1] - at[:-1, :-1]).ravel()
 
-    is_known = np.isfinite(right) & np.isfinite(down) & (np.abs(right) > 0) & (np.abs(down) > 0)
-    if not is_known.any():
+    is_visible = np.isfinite(right) & np.isfinite(down) & (np.abs(right) > 0) & (np.abs(down) > 0)
+    if not is_visible.any():
         raise ImageError(
             "The viewer sees too little of the lattice to number its points. Compare its columns,"
             " rows and margin with the picture."
         )
 
-    right = right[is_known]
-    down = down[is_known]
+    right = right[is_visible]
+    down = down[is_visible]
     some = np.unique(np.linspace(0, len(right) - 1, 9).astype(int))
     return (down / right)[some], right[some]
 
@@ -320,7 +320,7 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
     none. Slants are needed because a lattice may grow by steps along its diagonals.
     """
     size = np.array([lattice.columns, lattice.rows])
-    ways = []
+    counted = []
 
     for turn, slant in product(QUARTER_TURNS, SLANTS):
         turned = sites @ slant @ turn
@@ -333,13 +333,13 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
         total = total.cumsum(axis=0).cumsum(axis=1)
         w, h = size
         m, n = np.array(total.shape) - size
-        ways.append((turned, total[w:, h:] - total[:m, h:] - total[w:, :n] + total[:m, :n]))
+        counted.append((turned, total[w:, h:] - total[:m, h:] - total[w:, :n] + total[:m, :n]))
 
     # all windows with at most one site less than the best
-    fewest = max(max(count.max() for _, count in ways) - 1, FEWEST)
+    fewest = max(max(count.max() for _, count in counted) - 1, FEWEST)
     places = []
 
-    for number, (turned, count) in enumerate(ways):
+    for number, (turned, count) in enumerate(counted):
         for start in np.argwhere(count >= fewest):
             moved = turned - (start + 1 - size)
             inside = ((moved >= 0) & (moved < size)).all(axis=1)

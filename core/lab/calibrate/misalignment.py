@@ -69,7 +69,7 @@ class Bench:
         self.settings = replace(settings, suppress_glare=0.0)
         self.view = np.asarray(view, float)
         self.parameters = parameters(rig) if among is None else among
-        self._kept = MeshCache()
+        self._cache = MeshCache()
         self._off = np.zeros(len(self.parameters)), rig
         self.display, self._branch = self._land(self.plan(), self.view)
 
@@ -81,7 +81,7 @@ class Bench:
     def plan(self, amounts: Floats | None = None) -> Plan:
         """The bench's plan with errors (p,)."""
         amounts = np.zeros(len(self.parameters)) if amounts is None else np.array(amounts, float)
-        return compile_plan(self._rig(amounts), self.settings, self._kept)
+        return compile_plan(self._rig(amounts), self.settings, self._cache)
 
     def _rig(self, amounts: Floats) -> Rig:
         """The rig with errors (p,).

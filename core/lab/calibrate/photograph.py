@@ -174,14 +174,14 @@ FARTHEST_PX = 3.0  # of a crossing from the window's middle
 
 def find_crossings(windows: NDArray[np.float32]) -> Marks:
     """Crossings in the middles of windows (k, s, s); their radius is 1."""
-    kept, lines, contrast = _arms(windows)
-    parabolas, is_line = _ridges(windows[kept], lines)
+    crossed, lines, contrast = _arms(windows)
+    parabolas, is_line = _ridges(windows[crossed], lines)
     place = _meeting(lines, parabolas)
     is_line &= np.abs(place) < FARTHEST_PX
 
     place = place[is_line]
     return Marks(
-        which=kept[is_line],
+        which=crossed[is_line],
         off=np.stack([place.real, place.imag], axis=1),
         radius=np.ones(len(place)),
         contrast=contrast[is_line],
@@ -203,12 +203,12 @@ def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], F
     is_arm = excess > 0
     starts = is_arm & ~np.roll(is_arm, 1, axis=1)
     has_four = (starts.sum(axis=1) == 4) & (is_arm.mean(axis=1) < 0.6)  # arms are narrow
-    kept = np.flatnonzero(has_four)
-    contrast = (high - low)[kept]
-    excess = np.maximum(excess[kept], 0)
+    crossed = np.flatnonzero(has_four)
+    contrast = (high - low)[crossed]
+    excess = np.maximum(excess[crossed], 0)
 
     # mean direction of each arm
-    number = np.cumsum(starts[kept], axis=1) % 4
+    number = np.cumsum(starts[crossed], axis=1) % 4
     directions = np.stack([(excess * (number == k)) @ TURNS_AROUND for k in range(4)], axis=1)
     ahead = directions[:, :2]
     behind = -directions[:, 2:]
@@ -216,7 +216,7 @@ def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], F
     lines = ahead[straight] / np.abs(ahead[straight]) + behind[straight] / np.abs(behind[straight])
     lines /= np.abs(lines)
 
-    return kept[straight], lines, contrast[straight]
+    return crossed[straight], lines, contrast[straight]
 
 
 def _ridges(windows: NDArray[np.float32], lines: NDArray[np.complex128]) -> tuple[Floats, Bools]:
@@ -271,7 +271,7 @@ def _meeting(lines: NDArray[np.complex128], parabolas: Floats) -> NDArray[np.com
     return place[:, 0]
 
 
-BESIDE = 0.25  # of the contrast: limit of the weight outside a dot and of negative weights
+STRAY_LIMIT = 0.25  # of the contrast: limit of the weight outside a dot and of negative weights
 # px from a window's middle, for each pixel
 X, Y = (a.ravel() for a in np.meshgrid(*2 * [np.arange(-AROUND_PX, AROUND_PX + 1.0)]))
 
@@ -353,8 +353,8 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
 
     # stray light is clipped to limit its effect on the centroid
     contrast = spots.contrast
-    bright = contrast[:, None] * np.where(rho < (1.1 + 0.5 / radius)[:, None], 1.3, BESIDE)
-    dark = -BESIDE * contrast[:, None]
+    bright = contrast[:, None] * np.where(rho < (1.1 + 0.5 / radius)[:, None], 1.3, STRAY_LIMIT)
+    dark = -STRAY_LIMIT * contrast[:, None]
     weight = np.where(rho < inner, np.clip(light - plane, dark, bright), 0)
     total = np.maximum(weight.sum(axis=1), 1e-12 * contrast)
     centre = np.stack([weight @ X / total, weight @ Y / total], axis=1)

@@ -95,11 +95,11 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     # outward from the viewer until less than enough is seen
     extent = []
     for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1)):
-        way = sign * np.arange(0.0, SURVEY.farthest_rad, SURVEY.fine_rad)
-        there = sphere.places(way, 0 * way) if axis == 0 else sphere.places(0 * way, way)
+        angle = sign * np.arange(0.0, SURVEY.farthest_rad, SURVEY.fine_rad)
+        there = sphere.places(angle, 0 * angle) if axis == 0 else sphere.places(0 * angle, angle)
         seen, _ = sphere.seen_from(there)
         n_seen = int(np.logical_and.accumulate(seen >= enough - SURVEY.rounding).sum())
-        extent.append(float("nan") if n_seen == 0 else float(abs(way[n_seen - 1])))
+        extent.append(float("nan") if n_seen == 0 else float(abs(angle[n_seen - 1])))
         yield 0.9 + 0.025 * len(extent)
 
     shape = a.shape

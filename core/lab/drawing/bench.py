@@ -228,7 +228,7 @@ ROW = 1.6 * TEXT  # mm, height of a table row
 RULER = 16.0  # mm, width of a view's rulers
 TITLE = 8.0  # mm
 HEADING = 6.0  # mm, above a view
-BESIDE = np.array([RULER, RULER + HEADING])
+VIEW_BORDER = np.array([RULER, RULER + HEADING])
 PENS = {"GLASS": GLASS, "PICTURE": PICTURE}
 COLUMNS = (6.0, 42.0, 16.0, 44.0, 20.0, 20.0, 20.0, 14.0, 18.0, 77.0)  # mm
 HEADINGS = (
@@ -268,7 +268,7 @@ class View:
         y = self.sign * points[..., self.up]
         return self.origin + MM * self.scale * np.stack([x, -y], axis=-1)
 
-    def sight(self, datum: Datum) -> Floats:
+    def view_direction(self, datum: Datum) -> Floats:
         """The direction of view (3,), world."""
         rest = 3 - self.across - self.up
         return datum.axes[rest]
@@ -332,11 +332,11 @@ def _fitted(parts: list[StandingPart], room: Floats) -> tuple[View, View]:
     low = MM * boxes[:, 0].min(axis=0)
     high = MM * boxes[:, 1].max(axis=0)
     sizes = (high - low)[np.array([[0, 2], [0, 1]])]
-    below, aside = (_scale(sizes, room[1] - room[0], along) for along in (1, 0))
-    along, scale = (0, aside) if aside > below else (1, below)
+    below, abreast = (_scale(sizes, room[1] - room[0], along) for along in (1, 0))
+    along, scale = (0, abreast) if abreast > below else (1, below)
 
     # upper left corners of the views; spare space is distributed evenly
-    each = scale * sizes + BESIDE
+    each = scale * sizes + VIEW_BORDER
     used = each.max(axis=0)
     used[along] = each[:, along].sum()
     spare = (room[1] - room[0] - used) / np.where([along == 0, along == 1], 4, 2)
@@ -357,7 +357,7 @@ def _scale(sizes: Floats, room: Floats, along: int) -> float:
     """
     need = sizes.max(axis=0)
     need[along] = sizes[:, along].sum()
-    free = room - BESIDE * np.where([along == 0, along == 1], 2, 1)
+    free = room - VIEW_BORDER * np.where([along == 0, along == 1], 2, 1)
     most = (free / need).min()
     return next((scale for scale in SCALES if scale <= most), most)
 
@@ -373,7 +373,7 @@ def _draw_view(
 
     named: dict[tuple[float, float], str] = {}  # letters of parts with a common middle
     for letter, part in zip(letters(), parts, strict=False):
-        lines = view.on_paper(datum.of(contour(part.part.mesh, view.sight(datum))))
+        lines = view.on_paper(datum.of(contour(part.part.mesh, view.view_direction(datum))))
         sheet.lines(lines, PENS.get(part.role.name, PART))
         middle = view.on_paper(part.centre)
         sheet.dots([middle], 0.4)
@@ -395,9 +395,9 @@ def _draw_sight(
     sheet: PaperSheet, view: View, viewer: Viewer, datum: Datum, low: Floats, high: Floats
 ) -> None:
     """Draw the central line of sight where it crosses the view."""
-    place, way = (x[0] for x in viewer.rays(np.array([[viewer.width / 2, viewer.height / 2]])))
+    place, ray = (x[0] for x in viewer.rays(np.array([[viewer.width / 2, viewer.height / 2]])))
     start = view.on_paper(datum.of(place))
-    step = view.on_paper(datum.of(place + way)) - start
+    step = view.on_paper(datum.of(place + ray)) - start
     if abs(step[0]) < 1e-9:
         return
     times = (np.array([low[0] - RULER / 2, high[0]]) - start[0]) / step[0]
@@ -408,7 +408,7 @@ def _draw_sight(
 
 
 def _draw_ruler(
-    sheet: PaperSheet, view: View, centres: Floats, is_upright: bool, beside: float
+    sheet: PaperSheet, view: View, centres: Floats, is_upright: bool, ruler_at: float
 ) -> None:
     """Draw distances of centres (n, 3) from the datum, on a ruler below or to the left of the
     view.
@@ -426,8 +426,8 @@ def _draw_ruler(
 
     for n, at in zip(first, labels, strict=True):
         mark = on_paper[n]
-        near = np.where([k == 0, k == 1], mark[k], beside)
-        far = np.where([k == 0, k == 1], at, beside + (-3 if is_upright else 3))
+        near = np.where([k == 0, k == 1], mark[k], ruler_at)
+        far = np.where([k == 0, k == 1], at, ruler_at + (-3 if is_upright else 3))
         sheet.lines([[mark, near], [near, far]], THIN)
         if is_upright:
             sheet.text((far[0] - 0.5, far[1] + 0.35 * size), values[n], "end", size)

@@ -73,13 +73,13 @@ class PaperSheet:
     def lines(self, ends: ArrayLike, pen: Pen) -> None:
         """Draw straight lines (n, 2, 2)."""
         ends = np.asarray(ends, float)
-        ways = " ".join(
+        path = " ".join(
             f"M{a:.2f} {b:.2f}L{c:.2f} {d:.2f}" for a, b, c, d in ends.reshape(-1, 4).tolist()
         )
-        if ways:
+        if path:
             dashes = f' stroke-dasharray="{pen.dashes}"' if pen.dashes else ""
             self.parts.append(
-                f'<path d="{ways}" fill="none" stroke="{pen.colour}" stroke-width="{pen.width}"'
+                f'<path d="{path}" fill="none" stroke="{pen.colour}" stroke-width="{pen.width}"'
                 f' stroke-linecap="round"{dashes}/>'
             )
 

@@ -132,9 +132,9 @@ def head_box(plan: Plan) -> Generator[float, None, BoxServed]:
         [Observer(plan.seen_by(viewer), viewer.weight) for viewer in rig.viewers],
         [Observer(plan.seen_by(centre), 1.0)],
     ):
-        told = len(found) / 2
-        shown = yield from hold_progress(told, places_shown(looks, uv))
-        off = yield from hold_progress(told + 0.25, off_by(plan, heads, uv, shown))
+        done = len(found) / 2
+        shown = yield from hold_progress(done, places_shown(looks, uv))
+        off = yield from hold_progress(done + 0.25, off_by(plan, heads, uv, shown))
         found.append(_served(off, len(grid), box.axes, size))
     yield 1.0
     return BoxServed(tuple(size.tolist()), len(rig.viewers), len(grid), *found)
@@ -206,18 +206,18 @@ def as_data(found: BoxServed) -> dict[str, Any]:
 
 def as_svg(found: BoxServed) -> str:
     """A diagram for each axis of the box: errors of both ways to solve."""
-    ways = (("for all", found.for_all), ("for the middle", found.for_middle))
+    solved = (("for all", found.for_all), ("for the middle", found.for_middle))
     notes = [
         f"solved {name}: {_or_none(served.mean_arcmin)} arcmin on the mean over the box,"
         f" at most {_or_none(served.largest_arcmin)}"
-        for name, served in ways
+        for name, served in solved
     ]
     columns = []
     for k, curve in enumerate(found.for_all.curves):
         low, high = ENDS[AXES.index(curve.axis)]
         drawn = [
             Curve(f"{name}, {field}", points_mm(curve.distance_m, values))
-            for name, served in ways
+            for name, served in solved
             for field, values in (
                 ("largest", served.curves[k].largest_arcmin),
                 ("mean", served.curves[k].mean_arcmin),

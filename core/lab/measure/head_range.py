@@ -312,10 +312,10 @@ def _numbers(walk: Walk, head: Viewer, seen: Floats) -> tuple[float | None, ...]
     if not is_seen.any():
         return NOTHING_SEEN
     seen, straight = seen[is_seen], straight[is_seen]
-    told = []
+    statistics = []
     for off in (arcmin_between(head, seen, straight), np.linalg.norm(seen - straight, axis=1)):
-        told += [float(off.mean()), float(off.max())]
-    return *told, float(walk.weights[is_seen].sum() / walk.weights.sum())
+        statistics += [float(off.mean()), float(off.max())]
+    return *statistics, float(walk.weights[is_seen].sum() / walk.weights.sum())
 
 
 def as_data(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> dict[str, Any]:

@@ -159,8 +159,8 @@ def _shown(solved: Sequence[Observer], uv: Floats) -> Steps[tuple[Floats, list[F
     place = solved[0].plan.rig.picture_place
     plans = [look.plan for look in solved]
     straight = [view_of_picture(place, plan.viewer, uv) for plan in plans]
-    ways = [plane_mapping(place, plan.viewer) for plan in plans]
-    wanted = mapped(ways[0].there, straight[0])[0].T
+    mappings = [plane_mapping(place, plan.viewer) for plan in plans]
+    wanted = mapped(mappings[0].there, straight[0])[0].T
 
     found = []
     traces = [tracer(plan) for plan in plans]
@@ -173,7 +173,7 @@ def _shown(solved: Sequence[Observer], uv: Floats) -> Steps[tuple[Floats, list[F
 
     def meant(left: Ints) -> Floats:
         display[left] = _shown_at(
-            [one.at(left) for one in found], ways, weights[:, left], wanted[left]
+            [one.at(left) for one in found], mappings, weights[:, left], wanted[left]
         )
         return display[left]
 
@@ -246,7 +246,7 @@ def _begun(trace: Tracer, view: Floats) -> Steps[_PlacesFound]:
 
 
 def _shown_at(
-    found: list[_PlacesFound], ways: list[PlaneMapping], weights: Floats, wanted: Floats
+    found: list[_PlacesFound], mappings: list[PlaneMapping], weights: Floats, wanted: Floats
 ) -> Floats:
     """Display px (n, 2) that show places, to first order; NaN for none.
 
@@ -254,23 +254,23 @@ def _shown_at(
     """
     total = np.zeros((*wanted.shape, 2))
     right = np.zeros(wanted.shape)
-    for one, way, weight in zip(found, ways, weights, strict=True):
-        by_display = np.einsum("nij,njk->nik", _by_view(way, one.view), one.inverse)
+    for one, mapping, weight in zip(found, mappings, weights, strict=True):
+        by_display = np.einsum("nij,njk->nik", _by_view(mapping, one.view), one.inverse)
         here = np.nan_to_num(one.display)
-        asked = mapped(way.there, one.view)[0].T
+        at_view = mapped(mapping.there, one.view)[0].T
         total += weight[:, None, None] * by_display
-        right += weight[:, None] * (wanted - asked + np.einsum("nij,nj->ni", by_display, here))
+        right += weight[:, None] * (wanted - at_view + np.einsum("nij,nj->ni", by_display, here))
 
     inverse = inverse_of(total)
     at = np.einsum("nij,nj->ni", inverse, right)
     return np.where(inverse.any(axis=(1, 2))[:, None], at, np.nan)
 
 
-def _by_view(way: PlaneMapping, view: Floats) -> Floats:
+def _by_view(mapping: PlaneMapping, view: Floats) -> Floats:
     """Derivatives (n, 2, 2) of picture px by viewer px, at places (n, 2)."""
     columns = []
     for step in BESIDE_PX * np.eye(2):
-        ahead, behind = (mapped(way.there, view + sign * step)[0] for sign in (1, -1))
+        ahead, behind = (mapped(mapping.there, view + sign * step)[0] for sign in (1, -1))
         columns.append((ahead - behind).T / (2 * BESIDE_PX))
     return np.stack(columns, axis=2)
 

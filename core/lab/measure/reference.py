@@ -221,14 +221,14 @@ class ReferenceChannel:
         either = has_landed | has_here
         distance = np.linalg.norm((here - self.landed)[both], axis=1)
 
-        is_known = len(distance) > 0
-        told = view_map.error
+        has_distances = len(distance) > 0
+        map_error = view_map.error
         return MapErrors(
-            estimate=told.percentile,
-            facet_limited=told.facet_limited,
-            unresolved=told.unresolved,
-            rms=rms(distance) if is_known else None,
-            percentile=float(np.percentile(distance, PERCENTILE)) if is_known else None,
+            estimate=map_error.percentile,
+            facet_limited=map_error.facet_limited,
+            unresolved=map_error.unresolved,
+            rms=rms(distance) if has_distances else None,
+            percentile=float(np.percentile(distance, PERCENTILE)) if has_distances else None,
             overlap=float(both.sum() / either.sum()) if either.any() else None,
         )
 

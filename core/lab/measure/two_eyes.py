@@ -71,44 +71,44 @@ class Sights:
     @property
     def mean_vertical(self) -> float | None:
         """Mean magnitude, arcmin; None if no point is seen."""
-        return self._told(np.abs(self.vertical), np.mean)
+        return self._reduced(np.abs(self.vertical), np.mean)
 
     @property
     def largest_vertical(self) -> float | None:
         """Largest magnitude, arcmin; None if no point is seen."""
-        return self._told(np.abs(self.vertical), np.max)
+        return self._reduced(np.abs(self.vertical), np.max)
 
     @property
     def mean_horizontal(self) -> float | None:
         """Mean, arcmin; None if no point is seen."""
-        return self._told(self.horizontal, np.mean)
+        return self._reduced(self.horizontal, np.mean)
 
     @property
     def largest_horizontal(self) -> float | None:
         """Largest magnitude, arcmin; None if no point is seen."""
-        return self._told(np.abs(self.horizontal), np.max)
+        return self._reduced(np.abs(self.horizontal), np.max)
 
     @property
     def mean_depth(self) -> float | None:
         """Mean, m; None if no point is seen."""
-        return self._told(self.depth, np.mean)
+        return self._reduced(self.depth, np.mean)
 
     @property
     def largest_depth(self) -> float | None:
         """Depth of the point seen farthest from the plane, m; None if no point is seen."""
-        return self._told(self.depth, lambda depth: depth[np.abs(depth).argmax()])
+        return self._reduced(self.depth, lambda depth: depth[np.abs(depth).argmax()])
 
     @property
     def nearest_depth(self) -> float | None:
         """Depth of the nearest point, m; None if no point is seen."""
-        return self._told(self.depth, np.max)
+        return self._reduced(self.depth, np.max)
 
     @property
     def farthest_depth(self) -> float | None:
         """Depth of the farthest point, m; None if no point is seen."""
-        return self._told(self.depth, np.min)
+        return self._reduced(self.depth, np.min)
 
-    def _told(self, values: Floats, number: Callable[[Floats], np.floating]) -> float | None:
+    def _reduced(self, values: Floats, number: Callable[[Floats], np.floating]) -> float | None:
         return float(number(values[self.is_seen])) if self.is_seen.any() else None
 
 
@@ -294,10 +294,10 @@ def as_data(found: TwoEyes) -> dict[str, Any]:
 
     None for points that are not seen by both, and for depths beyond infinity.
     """
-    told: dict[str, Any] = {"left": found.left, "right": found.right}
+    report: dict[str, Any] = {"left": found.left, "right": found.right}
     for name in WAYS:
         sights = getattr(found, name)
-        told[name] = {
+        report[name] = {
             "n_points": int(sights.is_seen.sum()),
             "mean_horizontal_arcmin": sights.mean_horizontal,
             "largest_horizontal_arcmin": sights.largest_horizontal,
@@ -307,7 +307,7 @@ def as_data(found: TwoEyes) -> dict[str, Any]:
             "horizontal_arcmin": _rows(sights.horizontal),
             "depth_m": _rows(sights.depth),
         }
-    return told
+    return report
 
 
 def _rows(values: Floats) -> list[list[float | None]]:
@@ -385,21 +385,21 @@ def _arrows(sights: Sights, size: Floats, field: str, scales: dict[str, float]) 
     """Arrows for a disparity: up or right if the left eye sees a point higher or farther right."""
     places, longest = _places(sights, size)
     along = np.array([0.0, -1.0] if field == "vertical" else [1.0, 0.0])
-    beside = np.array([4.0, 4.0] if field == "vertical" else [4.0, 12.0])  # px, for the number
+    label = np.array([4.0, 4.0] if field == "vertical" else [4.0, 12.0])  # px, of the number
     parts = []
     for middle, value in zip(places.reshape(-1, 2), getattr(sights, field).ravel(), strict=True):
         if not np.isfinite(value):
             continue
-        way = longest * value / scales[field] * along
-        start, end = middle - way, middle + way
-        across = 0.3 * way[::-1]
-        barbs = end - 0.3 * way + across, end - 0.3 * way - across
+        arrow = longest * value / scales[field] * along
+        start, end = middle - arrow, middle + arrow
+        across = 0.3 * arrow[::-1]
+        barbs = end - 0.3 * arrow + across, end - 0.3 * arrow - across
         (x0, y0), (x1, y1), (x2, y2), (x3, y3) = start, end, *barbs
         parts += [
             f'<path class="arrow" d="M{x0:.2f},{y0:.2f} L{x1:.2f},{y1:.2f}'
             f' M{x2:.2f},{y2:.2f} L{x1:.2f},{y1:.2f} L{x3:.2f},{y3:.2f}" fill="none"'
             f' stroke="{MORE if value > 0 else LESS}" stroke-width="2"/>',
-            text_at(tuple(middle + beside), rounded(value), size=8),
+            text_at(tuple(middle + label), rounded(value), size=8),
         ]
     return parts
 

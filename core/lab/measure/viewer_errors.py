@@ -130,9 +130,9 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
 
 def arcmin_between(viewer: Viewer, one: Floats, other: Floats) -> Floats:
     """Angles (n,), arcmin, between the rays through places (n, 2) viewer px; NaN at NaN."""
-    along, beside = (viewer.rays(xy)[1] for xy in (one, other))
-    across = np.linalg.norm(np.cross(along, beside), axis=1)
-    return ARCMIN * np.arctan2(across, dot(along, beside))
+    along, other_rays = (viewer.rays(xy)[1] for xy in (one, other))
+    across = np.linalg.norm(np.cross(along, other_rays), axis=1)
+    return ARCMIN * np.arctan2(across, dot(along, other_rays))
 
 
 def _mean_and_largest(values: Floats) -> tuple[float | None, float | None]:
@@ -159,17 +159,17 @@ def displaced(solution: Solution, number: int, n: int = N_POINTS) -> tuple[Float
     if solution.settled is None:
         return _on_display(channel, straight), straight
 
-    way = plane_mapping(place, viewer)
-    wanted, _ = mapped(way.there, straight)
+    mapping = plane_mapping(place, viewer)
+    wanted, _ = mapped(mapping.there, straight)
     steps = solution.settled.steps[number]
     at = straight.copy()
 
     for _ in range(MOST_ROUNDS):
         landed = _landed(channel, at)
-        shown = mapped(way.there, at)[0] + _between(steps, landed)
+        shown = mapped(mapping.there, at)[0] + _between(steps, landed)
         missing = (wanted - shown).T
         # the picture's step in viewer px
-        move = mapped(way.back, (mapped(way.there, at)[0].T + missing))[0].T - at
+        move = mapped(mapping.back, (mapped(mapping.there, at)[0].T + missing))[0].T - at
         if not (np.abs(move) > SETTLED_PX).any():
             break
         at = np.where(np.isfinite(move), at + move, np.nan)

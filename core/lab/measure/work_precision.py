@@ -57,20 +57,20 @@ def measure_choices(
     Glare is left out if light past the glass carries the picture too.
     """
     glares = GLARES if settings.only_through_glass else ()
-    ways = dict.fromkeys([
+    options = dict.fromkeys([
         *((ghosts, settings.suppress_glare if glares else 0.0) for ghosts in ("mean", "strongest")),
         *((settings.ghosts, glare) for glare in glares),
     ])  # fmt: skip
-    ways = sorted(ways, key=lambda way: -way[1])
+    options = sorted(options, key=lambda option: -option[1])
 
     session = Session()
     found = []
     first = None
 
-    for n, (ghosts, glare) in enumerate(ways):
+    for n, (ghosts, glare) in enumerate(options):
         here = replace(settings, ghosts=ghosts, suppress_glare=glare)
         solution = yield from subprogress(
-            session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways)
+            session.solve(rig, here), n / len(options), (n + 0.9) / len(options)
         )
         first = first or solution  # its map includes light past the glass, for all choices
         seen = first.seen(solution.source, beside=True)

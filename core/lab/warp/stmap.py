@@ -125,11 +125,11 @@ def view_stmap(channel: Channel, warp: STMap) -> Generator[float, None, STMap]:
     size = channel.view_map.display_size
     view = middles((width, height)).at(np.arange(width * height))
 
-    traced = yield from _told(trace_points(channel.plan, view), 3 * len(view), 0.0)
+    traced = yield from _traced_progress(trace_points(channel.plan, view), 3 * len(view), 0.0)
     is_there = (traced.reason == Reason.ARRIVED) & is_in_image(traced.xy, size)
     some = np.flatnonzero(is_there)
     by_view = np.zeros((len(view), 2, 2))
-    by_view[some] = yield from _told(
+    by_view[some] = yield from _traced_progress(
         derivative(tracer(channel.plan), view[some], traced.xy[some], traced.branch[some]),
         3 * len(view),
         1 / 3,
@@ -151,7 +151,9 @@ def view_stmap(channel: Channel, warp: STMap) -> Generator[float, None, STMap]:
     )
 
 
-def _told(work: Steps[Result], n_rays: int, start: float) -> Generator[float, None, Result]:
+def _traced_progress(
+    work: Steps[Result], n_rays: int, start: float
+) -> Generator[float, None, Result]:
     """Run work that yields numbers of rays; yields progress from `start`."""
     n = 0
     while True:
@@ -169,10 +171,10 @@ def _picture_places(place: PicturePlace, viewer: Viewer, view: Floats) -> tuple[
     st = _picture_st(place, viewer, view)
     by_view = np.empty((len(view), 2, 2))
     for axis in range(2):
-        beside = np.zeros(2)
-        beside[axis] = STEP_PX
-        change = _picture_st(place, viewer, view + beside) - _picture_st(
-            place, viewer, view - beside
+        offset = np.zeros(2)
+        offset[axis] = STEP_PX
+        change = _picture_st(place, viewer, view + offset) - _picture_st(
+            place, viewer, view - offset
         )
         by_view[:, 0, axis] = change[:, 0] * place.width / (2 * STEP_PX)
         by_view[:, 1, axis] = -change[:, 1] * place.height / (2 * STEP_PX)
@@ -184,14 +186,14 @@ def _picture_st(place: PicturePlace, viewer: Viewer, view: Floats) -> Floats:
     its
     borders.
     """
-    way = flat_mapping(place, viewer)
-    if way is None:
+    mapping = flat_mapping(place, viewer)
+    if mapping is None:
         points = picture_from_view(place, viewer, view)
         st = _st_of(points.xy, (place.width, place.height))
         st[points.cover == 0] = np.nan
         return st
 
-    u, v, w = (a * view[:, 0] + b * view[:, 1] + c for a, b, c in way.matrix)
+    u, v, w = (a * view[:, 0] + b * view[:, 1] + c for a, b, c in mapping.matrix)
     w = np.where(w > 0, w, np.nan)
     return np.stack([u / w, v / w], axis=1)
 
@@ -207,11 +209,11 @@ def _is_on(place: PicturePlace, viewer: Viewer, st: Floats, overscan: float) -> 
     A plane may show a part of its image or continue beyond it; overscan, per cent of the image,
     extends it further.
     """
-    way = flat_mapping(place, viewer)
-    if way is None:
+    mapping = flat_mapping(place, viewer)
+    if mapping is None:
         return np.isfinite(st).all(axis=1)
     more = overscan / 100
-    return ((st >= way.low - more) & (st <= way.high + more)).all(axis=1)
+    return ((st >= mapping.low - more) & (st <= mapping.high + more)).all(axis=1)
 
 
 def _extended(stmap: STMap) -> STMap:
@@ -355,26 +357,26 @@ def write_data(path: Path, mesh: WarpMesh) -> None:
     """Write a mesh in Paul Bourke's .data format: planar, rows from the bottom, x y u v i per
     node.
     """
-    is_kept = _kept_nodes(mesh)[::-1]
+    is_drawn = _drawn_nodes(mesh)[::-1]
     step = np.s_[:: -mesh.finer, :: mesh.finer]
     st = mesh.stmap.st[step]
-    brightness = np.where(is_kept, mesh.stmap.coverage[step], -1.0)
-    st = np.where(is_kept[..., None], st, 0.0)
+    brightness = np.where(is_drawn, mesh.stmap.coverage[step], -1.0)
+    st = np.where(is_drawn[..., None], st, 0.0)
 
-    rows, columns = is_kept.shape
+    rows, columns = is_drawn.shape
     table = np.concatenate([mesh.places[step], st, brightness[..., None]], axis=2)
     lines = ["2", f"{columns} {rows}"]
     lines += [" ".join(f"{x:.7g}" for x in node) for node in table.reshape(-1, 5)]
     disk.write_text(path, "\n".join(lines) + "\n")
 
 
-def _kept_nodes(mesh: WarpMesh) -> Bools:
+def _drawn_nodes(mesh: WarpMesh) -> Bools:
     """Nodes (h, w) of the large cells to draw. Programs draw a cell if all its corners are drawn,
     so
     in a cell with several paths only the nodes of one path remain.
     """
     path = mesh.path[:: mesh.finer, :: mesh.finer]
-    kept = path != NO_PATH
+    drawn = path != NO_PATH
     corners = [np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, 1:], np.s_[1:, :-1]]
     of_cell = np.stack([path[corner] for corner in corners])
 
@@ -382,9 +384,9 @@ def _kept_nodes(mesh: WarpMesh) -> Bools:
     votes = (of_cell[:, None] == of_cell[None]).sum(axis=1) * (of_cell != NO_PATH)
     most = np.where(votes == votes.max(axis=0), of_cell, 0).max(axis=0)
     for corner, of_corner in zip(corners, of_cell, strict=True):
-        kept[corner] &= (of_corner == most) | (of_corner == NO_PATH)
+        drawn[corner] &= (of_corner == most) | (of_corner == NO_PATH)
 
-    return kept
+    return drawn
 
 
 def _corners(place: Ints, step: int, columns: int) -> Ints:

@@ -156,9 +156,9 @@ def settle(
         # Broyden's update
         some = left[is_nearer]
         is_second = np.isfinite(found.off[some])
-        known = some[is_second]
-        inverse[known] = _corrected(
-            inverse[known], step[known], new_miss[is_nearer][is_second] - miss[known]
+        usable = some[is_second]
+        inverse[usable] = _corrected(
+            inverse[usable], step[usable], new_miss[is_nearer][is_second] - miss[usable]
         )
         found.view[some] = tried[is_nearer]
         found.off[some] = off[is_nearer]
@@ -188,16 +188,16 @@ def derivative(
     found = np.zeros((len(view), 2, 2))
     for side in (1, -1):
         # both axes in one batch of rays
-        lacks, axis = np.nonzero(~found.any(axis=1))
-        if not len(lacks):
+        unset, axis = np.nonzero(~found.any(axis=1))
+        if not len(unset):
             break
-        beside = view[lacks]
-        beside[np.arange(len(lacks)), axis] += side * SETTLING.nearby
-        traced = yield from trace(lacks, beside)
-        known = traced.branch == branch[lacks]
-        some = lacks[known]
-        by_side = (traced.xy[known] - display[some]) / SETTLING.nearby
-        found[some, :, axis[known]] = side * by_side
+        probes = view[unset]
+        probes[np.arange(len(unset)), axis] += side * SETTLING.nearby
+        traced = yield from trace(unset, probes)
+        usable = traced.branch == branch[unset]
+        some = unset[usable]
+        by_side = (traced.xy[usable] - display[some]) / SETTLING.nearby
+        found[some, :, axis[usable]] = side * by_side
     return found
 
 
@@ -215,11 +215,11 @@ def _corrected(inverse: Floats, step: Floats, change: Floats) -> Floats:
     change
     (n, 2).
     """
-    told = _times(inverse, change)
+    predicted = _times(inverse, change)
     back = np.einsum("ni,nij->nj", step, inverse)
-    along = np.einsum("ni,ni->n", step, told)
+    along = np.einsum("ni,ni->n", step, predicted)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        more = (step - told)[:, :, None] * back[:, None, :] / along[:, None, None]
+        more = (step - predicted)[:, :, None] * back[:, None, :] / along[:, None, None]
     return inverse + np.where(np.isfinite(more), more, 0.0)
 
 
@@ -428,13 +428,13 @@ def view_from_display(
         yield from hold_progress(done, _place(found, plan, view_map, grid, lot))
 
     # other parts of their pixels
-    lacks = np.flatnonzero(np.isnan(found.view[:, 0]) & (wanted != NO_PATH))
-    if len(lacks):
+    unset = np.flatnonzero(np.isnan(found.view[:, 0]) & (wanted != NO_PATH))
+    if len(unset):
         shares = _shares(plan, view_map)
         largest = yield from hold_progress(0.85, _largest(shares, strongest, view_map.display_size))
-        pixels = grid.pixels(view_map.display_size)[lacks]
+        pixels = grid.pixels(view_map.display_size)[unset]
         yield from hold_progress(
-            0.9, _fill(found, plan, view_map, grid.at(lacks), lacks, largest[pixels])
+            0.9, _fill(found, plan, view_map, grid.at(unset), unset, largest[pixels])
         )
     return found
 
