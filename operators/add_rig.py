@@ -14,7 +14,7 @@ from ..core.base.steps import subprogress
 from ..core.base.words import listed, percent, summary
 from ..core.bench.initial_placement import Request, settle
 from ..core.bench.largest_square import ENOUGH
-from ..core.bench.picture_light import MOST, Spread, part_of_picture
+from ..core.bench.picture_light import MOST, Spread
 from ..core.bench.placement import Proposal, Wishes, propose, propose_behind, viewer_of
 from ..core.bench.placement import rig_of as proposed_rig
 from ..core.blender.checks.inspect_scene import has_own_faces
@@ -75,9 +75,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     bl_label = "Add Rig"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: bpy.props.EnumProperty(
-        name="Kind", description="Where the picture is seen", items=KINDS, default="IN_GLASS"
-    )
+    kind: bpy.props.EnumProperty(name="Kind", items=KINDS, default="IN_GLASS")
     distance: automatic.length(
         "Distance",
         "Distance from the glass to the plate, or to the display without a plate. 0 = automatic",
@@ -130,7 +128,6 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     )
     display_resolution: bpy.props.IntVectorProperty(
         name="Display Resolution",
-        description="Pixels of the display, across and down",
         size=2,
         default=(1920, 1080),
         min=1,
@@ -334,19 +331,12 @@ def _on_display(
         return text, 0.0
 
     times = proposal.display / proposal.picture
-    why = Message(
-        "It is {times} times as wide as the picture because of light from {part}",
-        times=number(times),
-        part=spread.outermost(aspect),
-    )
+    why = Message("It is {times} times as wide as the picture", times=number(times))
     remedies = [Message("make Picture smaller")]
 
     if is_cut:
-        part = part_of_picture(spread.beside, spread.beside_weight)
         why = Message(
-            "Light from {part} lands outside the Display Limit of {limit}",
-            part=part,
-            limit=length_text(scene, limit),
+            "Light lands outside the Display Limit of {limit}", limit=length_text(scene, limit)
         )
         remedies.append(Message("raise Display Limit"))
 

@@ -61,9 +61,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
 
     default_name = NAME
 
-    paper: bpy.props.EnumProperty(
-        name="Paper", description="Size of the sheets, in landscape format", items=PAPERS
-    )
+    paper: bpy.props.EnumProperty(name="Paper", items=PAPERS)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

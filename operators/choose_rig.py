@@ -87,9 +87,7 @@ class KIRIKO_OT_choose_rig(bpy.types.Operator):
     bl_label = "Choose Rig"
     bl_options = {"REGISTER", "UNDO"}
 
-    rig: bpy.props.StringProperty(
-        name="Rig", description="Its collection's name", options={"SKIP_SAVE"}
-    )
+    rig: bpy.props.StringProperty(name="Rig", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -82,7 +82,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
 
     form: bpy.props.EnumProperty(
         name="Format",
-        description="File format and bit depth",
+        description="File format; displays show 8 bit, more keeps gradients smooth",
         items=EXPORT_FORMATS,
         options={"SKIP_SAVE"},
     )

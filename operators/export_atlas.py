@@ -329,13 +329,13 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
 
     low: bpy.props.FloatVectorProperty(
         name="From",
-        description="First corner of the head's box, relative to the viewer: right, up, forward",
+        description="Corner of the head's box, relative to the viewer: right, up, forward",
         subtype="TRANSLATION",
         unit="LENGTH",
     )
     high: bpy.props.FloatVectorProperty(
         name="To",
-        description="Opposite corner of the head's box, relative to the viewer: right, up, forward",
+        description="Corner of the head's box, relative to the viewer: right, up, forward",
         subtype="TRANSLATION",
         unit="LENGTH",
     )
@@ -350,7 +350,6 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
     )
     most: bpy.props.IntProperty(
         name="Most Places",
-        description="Largest number of places",
         default=MOST,
         min=2,
     )
@@ -371,7 +370,6 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
     )
     shares: bpy.props.IntProperty(
         name="Tasks",
-        description="Tasks that share the places",
         default=SHARES,
         min=1,
         max=MOST_TASKS,

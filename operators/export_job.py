@@ -275,11 +275,11 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
     )
     every_rig: bpy.props.BoolProperty(
         name="Every Rig",
-        description="Solve all rigs of the scene, each to its own folder",
+        description="Solve each separately, to its own folder",
     )
     every_viewer: bpy.props.BoolProperty(
         name="Every Viewer",
-        description="Solve each viewer separately, to its own folder",
+        description="Solve each separately, to its own folder",
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",

@@ -205,7 +205,6 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
 
     formats: bpy.props.EnumProperty(
         name="Formats",
-        description="Files to write",
         items=FORMAT_ITEMS,
         options={"ENUM_FLAG"},
         default={"EXR"},

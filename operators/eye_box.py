@@ -170,7 +170,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
     )
     share: bpy.props.FloatProperty(
         name="Share",
-        description="Part of the picture that must stay visible",
+        description="Part of the picture that must be visible",
         subtype="FACTOR",
         default=LEAST,
         min=0.01,

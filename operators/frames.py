@@ -424,7 +424,7 @@ class OfFrames(long_work.LongWork):
 
     frames: bpy.props.StringProperty(
         name="Frames",
-        description="Numbers and ranges, such as 1-250:2 or 1,5,10-20. Empty: the scene's range",
+        description="Frames to solve, such as 1-250:2 or 1,5,10-20; empty for the scene's range",
         options={"SKIP_SAVE"},
     )
 

@@ -55,7 +55,6 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
 
     product: bpy.props.EnumProperty(
         name="Product",
-        description="Kind of glass to make",
         items=[(name, name, tip) for name, tip in GLASS_TIPS.items()],
         default="Acrylic",  # the index assumed for opaque glass: results do not change
         options={"SKIP_SAVE"},

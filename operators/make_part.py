@@ -39,9 +39,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
     bl_label = "Make Part"
     bl_options = {"REGISTER", "UNDO"}
 
-    role: bpy.props.EnumProperty(
-        name="Role", description="The part", items=ROLES_MADE, options={"SKIP_SAVE"}
-    )
+    role: bpy.props.EnumProperty(name="Role", items=ROLES_MADE, options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -257,7 +257,6 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
 
     factor: bpy.props.FloatProperty(
         name="Factor",
-        description="New size relative to the present one",
         default=0.01,
         min=1e-6,
         max=1e6,

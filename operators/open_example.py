@@ -67,9 +67,7 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
     bl_label = "Open Example"
     bl_options = {"INTERNAL"}
 
-    example: bpy.props.EnumProperty(
-        name="Example", description="The rig to open", items=EXAMPLES, options={"SKIP_SAVE"}
-    )
+    example: bpy.props.EnumProperty(name="Example", items=EXAMPLES, options={"SKIP_SAVE"})
 
     @classmethod
     def description(

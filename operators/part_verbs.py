@@ -14,12 +14,8 @@ class NamesPart:
     Names are unique within a file only, so a linked object also needs its library.
     """
 
-    part: bpy.props.StringProperty(
-        name="Part", description="Name of the object", options={"SKIP_SAVE"}
-    )
+    part: bpy.props.StringProperty(name="Part", options={"SKIP_SAVE"})
     library: bpy.props.StringProperty(
-        name="Library",
-        description="File that the object is linked from, as Blender has its path; empty: none",
         options={"SKIP_SAVE", "HIDDEN"},
     )
 

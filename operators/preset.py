@@ -270,7 +270,6 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
 
     layout: bpy.props.EnumProperty(
         name="Mirrors",
-        description="Arrangement of the plate's mirrors",
         items=(
             (
                 "crossed",

@@ -28,7 +28,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
 
     samples: bpy.props.IntProperty(
         name="Samples",
-        description="Rays per pixel. More make reflections smoother",
+        description="Rays per pixel. Four times as many halve the noise",
         default=16,
         min=1,
         max=65536,

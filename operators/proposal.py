@@ -238,7 +238,6 @@ class Proposes(long_work.LongWork):
 
     take: bpy.props.BoolProperty(
         name="Apply",
-        description="Move the parts without asking",
         default=False,
         options={"SKIP_SAVE"},
     )
@@ -293,18 +292,16 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
     auto_shift: automatic.checkbox("shift", _taken, "Up to half of the picture's side")
     turn: bpy.props.FloatProperty(
         name="Turn up to",
-        description="Largest rotation of the picture in its plane",
+        description="Largest rotation to try",
         subtype="ANGLE",
         default=np.radians(15),
         min=0.0,
         max=np.radians(90),
     )
-    turn_glass: bpy.props.BoolProperty(
-        name="Turn Glass", description="Also rotate the glass", default=False
-    )
+    turn_glass: bpy.props.BoolProperty(name="Turn Glass", default=False)
     glass_limit: bpy.props.FloatProperty(
         name="Glass up to",
-        description="Largest rotation of the glass, about any axis",
+        description="Largest rotation to try",
         subtype="ANGLE",
         default=np.radians(15),
         min=np.radians(1),
@@ -387,7 +384,6 @@ def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Me
     )
 
 
-ALONG = 0.97  # cosine to an axis of the viewer above which the axis is named
 WORTH_IT = 0.02  # fraction of the lost light above which a partial rotation is proposed
 
 
@@ -400,7 +396,7 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
 
     limit: bpy.props.FloatProperty(
         name="Turn up to",
-        description="Largest rotation of the glass, about any axis",
+        description="Largest rotation to try",
         subtype="ANGLE",
         default=np.radians(30),
         min=np.radians(1),
@@ -418,51 +414,26 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
 
         steps = turn_back(rig, lambda rig: work.session().plan(rig, settings), self.limit)
         found = yield from subprogress(steps, 0.02, 1.0)
-        values = {
-            "angle": np.degrees(found.angle),
-            "axis": _axis_words(found.turn, rig.viewer.axes),
-            "brought": percent(found.brought),
-            "after": percent(found.after),
-            "before": percent(found.before),
-        }
-        if found.does_it:
-            text = Message(
-                "Rotating the glass by {angle:.1f} degrees about {axis} recovers the lost part:"
-                " {after} of the picture arrives ({before} now).",
-                **values,
-            )
-        elif found.brought > WORTH_IT:
+        if not found.does_it:
             self.level = "WARNING"
-            text = Message(
-                "No rotation up to {limit:.0f} degrees recovers the whole lost part. The best one,"
-                " {angle:.1f} degrees about {axis}, recovers {brought}: {after} of the picture"
-                " arrives ({before} now).",
-                limit=np.degrees(self.limit),
-                **values,
-            )
-        else:
-            self.level = "WARNING"
+        if not found.does_it and found.brought <= WORTH_IT:
             return Message(
                 "No rotation up to {limit:.0f} degrees recovers the lost part.",
                 limit=np.degrees(self.limit),
             )
 
+        text = Message(
+            "Rotating the glass by {angle:.1f} degrees recovers {brought} of the lost part:"
+            " {after} of the picture arrives ({before} now).",
+            angle=np.degrees(found.angle),
+            brought=percent(found.brought),
+            after=percent(found.after),
+            before=percent(found.before),
+        )
         motion = turn_of(rig, found.turn)
         metres = length_of_unit(scene)
         moves = tuple(move_of(thing, motion, metres) for thing in things)
         return ProposedChange(self.bl_label, text, moves)
-
-
-def _axis_words(turn: Floats, axes: Floats) -> Message:
-    """Name of the axis of a turn (3,), in the viewer's axes (3, 3)."""
-    along = np.abs(axes @ turn) / max(float(np.linalg.norm(turn)), np.finfo(float).tiny)
-    names = (
-        Message("the horizontal axis across the view"),
-        Message("the vertical axis"),
-        Message("the line of sight"),
-    )
-    n = int(along.argmax())
-    return names[n] if along[n] > ALONG else Message("an oblique axis")
 
 
 class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):

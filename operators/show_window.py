@@ -231,7 +231,9 @@ class KIRIKO_OT_show_image(bpy.types.Operator):
     bl_label = "Show Image"
     bl_options = {"REGISTER", "UNDO"}
 
-    image: bpy.props.StringProperty(name="Image", description="Name of the image")
+    image: bpy.props.StringProperty(
+        name="Image",
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

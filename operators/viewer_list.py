@@ -69,11 +69,9 @@ class KIRIKO_OT_remove_viewer(_OfSeveral, bpy.types.Operator):
     bl_label = "Remove Viewer"
 
     number: bpy.props.IntProperty(
-        name="Number",
-        description="Index in the list; -1 for the active entry",
         default=-1,
         min=-1,
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", "HIDDEN"},
     )
 
     def change(self, context: bpy.types.Context) -> None:
@@ -88,9 +86,7 @@ class KIRIKO_OT_move_viewer(_OfSeveral, bpy.types.Operator):
     bl_idname = "kiriko.move_viewer"
     bl_label = "Move Viewer"
 
-    step: bpy.props.IntProperty(
-        name="Step", description="Entries to move down", default=1, options={"SKIP_SAVE"}
-    )
+    step: bpy.props.IntProperty(default=1, options={"SKIP_SAVE", "HIDDEN"})
 
     def change(self, context: bpy.types.Context) -> None:
         with changing(context.scene) as listed:
@@ -156,7 +152,7 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
 
     heads: bpy.props.IntVectorProperty(
         name="Heads",
-        description="Number to the right, up and forward",
+        description="To the right, up and forward",
         size=3,
         default=(3, 1, 1),
         min=1,
@@ -165,7 +161,7 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
     )
     box: bpy.props.FloatVectorProperty(
         name="Box",
-        description="Size of the grid: right, up, forward",
+        description="To the right, up and forward",
         size=3,
         default=BOX,
         min=0.0,

@@ -159,7 +159,7 @@ def settle(
         start = 0.3 + 0.7 * n / N_ROUNDS
         light = yield from subprogress(light_of(plan, points), start, start + 0.7 / N_ROUNDS)
 
-        spread = spread_in(light, uv, area, proposal.placement.display)
+        spread = spread_in(light, area, proposal.placement.display)
         is_whole = sum(spread.lost.values()) <= 1 - ENOUGH
         if wishes.picture or is_whole or standing.side <= least:
             break

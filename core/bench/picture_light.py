@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.errors import RigError
-from ..base.messages import Message
 from ..base.steps import hold_progress, subprogress
 from ..base.vectors import cross_2d, normalise
 from ..glass.meshes import areas_of, geometric_normals
@@ -231,26 +230,6 @@ def _kind(plan: Plan, step: Step) -> Ints:
     return plan.parts.kind[plan.triangles.part[step.triangle]]
 
 
-SEVERAL = Message("several parts of the picture")
-# by row, from the lowest, and column
-PARTS = (
-    (
-        Message("the picture's lower left corner"),
-        Message("the picture's lower side"),
-        Message("the picture's lower right corner"),
-    ),
-    (
-        Message("the picture's left side"),
-        Message("the picture's middle"),
-        Message("the picture's right side"),
-    ),
-    (
-        Message("the picture's upper left corner"),
-        Message("the picture's upper side"),
-        Message("the picture's upper right corner"),
-    ),
-)
-THIRDS = 1 / 3, 2 / 3  # of the picture's sides
 MOST = 0.95  # fraction of the light without its outermost part
 
 
@@ -261,19 +240,15 @@ N_GRID = 128  # points along each edge of a triangle of the picture
 class Spread:
     """Light of a picture on the plane of its display.
 
-    places : (n, 2) in the picture's UV
     across : (n, 2) m, along the display's width and height, from its centre to the landings
     weight : (n,) fraction of the picture
-    beside : (m, 2) places of light that misses the display on its plane
-    beside_weight : (m,) fraction of the picture
+    beside_weight : (m,) fraction of the picture whose light misses the display on its plane
     lost : fractions of the visible picture that do not arrive, by reason
     leaked : fraction of the picture that arrives through gaps in open glass
     """
 
-    places: Floats
     across: Floats
     weight: Floats
-    beside: Floats
     beside_weight: Floats
     lost: dict[str, float]
     leaked: float
@@ -297,39 +272,8 @@ class Spread:
         last = np.searchsorted(within, share * within[-1]) if share < 1 else len(order) - 1
         return 2 * float(half[order[last]])
 
-    def outermost(self, aspect: float) -> Message:
-        """Name of the part of the picture whose light lands furthest from the display's centre."""
-        is_far = 2 * self._half_widths(aspect) > self.width(aspect, MOST)
-        return part_of_picture(self.places[is_far], self.weight[is_far])
-
     def _half_widths(self, aspect: float) -> Floats:
         return np.maximum(np.abs(self.across[:, 0]), np.abs(self.across[:, 1]) * aspect)
-
-
-def part_of_picture(places: Floats, weight: Floats) -> Message:
-    """Name of the part of a picture with most of the weight (n,) of places (n, 2), in its UV."""
-    if not len(places):
-        return SEVERAL
-
-    # light of each of nine parts
-    column, row = np.digitize(places, THIRDS).T
-    of_part = np.zeros((3, 3))
-    np.add.at(of_part, (row, column), weight / weight.sum())
-
-    # one part alone
-    row, column = np.unravel_index(of_part.argmax(), (3, 3))
-    if of_part[row, column] >= 0.5:
-        return PARTS[row][column]
-
-    # or a whole side
-    sides = {
-        PARTS[0][1]: of_part[0],
-        PARTS[2][1]: of_part[2],
-        PARTS[1][0]: of_part[:, 0],
-        PARTS[1][2]: of_part[:, 2],
-    }
-    side = max(sides, key=lambda words: sides[words].sum())
-    return side if sides[side].sum() >= 0.5 else SEVERAL
 
 
 def points_of(place: PicturePlace, n: int = 0) -> tuple[Floats, Floats, Floats]:
@@ -381,17 +325,17 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     plan : of a rig with the largest display allowed
     display_frame : (4, 4) of the display, m
     """
-    points, uv, area = points_of(plan.rig.picture_place)
+    points, _, area = points_of(plan.rig.picture_place)
     light = yield from light_of(plan, points)
-    return spread_in(light, uv, area, display_frame)
+    return spread_in(light, area, display_frame)
 
 
-def spread_in(light: Light, uv: Floats, area: Floats, display_frame: Floats) -> Spread:
+def spread_in(light: Light, area: Floats, display_frame: Floats) -> Spread:
     """Spread of traced light.
 
     Parameters
     ----------
-    uv, area : (n, 2) and (n,) of the light's points, from `points_of`
+    area : (n,) of the light's points, from `points_of`
     display_frame : (4, 4) of the display, m
     """
     seen = np.where(light.is_seen, area, 0.0)
@@ -400,10 +344,8 @@ def spread_in(light: Light, uv: Floats, area: Floats, display_frame: Floats) -> 
     arrived = light.has_arrived
     beside = light.is_seen & (light.reason == Reason.MISSED_DISPLAY)
     return Spread(
-        places=uv[arrived],
         across=across[arrived],
         weight=weight[arrived],
-        beside=uv[beside],
         beside_weight=weight[beside],
         lost=light.lost(weight),
         leaked=float(weight[arrived & light.has_leaked].sum()),

@@ -168,7 +168,7 @@ def row(name: str, rna: object, language: str, translated: Callable[[str], str])
     if not place.startswith(REFERENCE):
         says += f" ([{MORE[language]}]({place}))"
     label = LABELS[name][language] if name in LABELS else translated(rna.name)
-    return f'| <span id="{full_name(name)}">**{label}**</span> | {says} |'
+    return f'| <span id="{full_name(name)}">**{label}**</span> | {says.removeprefix("<br>")} |'
 
 
 def sections(kiriko: ModuleType, language: str) -> Iterator[str]:

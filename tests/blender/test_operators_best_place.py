@@ -118,7 +118,7 @@ def test_the_glass_turns_back_what_is_lost(scene, capfd):
     middle = place(rig["GLASS"])[:3, 3]
     assert bpy.ops.kiriko.turn_back(take=True) == {"FINISHED"}
     text = re.search(
-        r"by ([\d.]+) degrees about the vertical axis recovers the lost part: ([\d.]+) %",
+        r"by ([\d.]+) degrees recovers 100 % of the lost part: ([\d.]+) %",
         capfd.readouterr().out,
     )
     after = place(rig["GLASS"])

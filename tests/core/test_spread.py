@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import run_steps
-from kiriko.core.bench.picture_light import SEVERAL, Spread, part_of_picture, points_of, spread_of
+from kiriko.core.bench.picture_light import Spread, points_of, spread_of
 from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
@@ -77,33 +77,11 @@ def test_without_refraction_light_spreads_as_far_as_the_picture() -> None:
 def test_shares_that_are_lost_are_areas_of_the_picture() -> None:
     """A display half as wide and high as the picture takes a quarter of it.
 
-    The rest lands beside, and is nameless.
+    The rest lands beside it.
     """
     _, spread = spread_around(ball(1.0), Wishes(picture=0.025, display=0.0125))
     assert spread.lost == {"missed the display": pytest.approx(0.75, rel=2e-2)}
     assert spread.beside_weight.sum() == pytest.approx(0.75, rel=2e-2)
-    assert part_of_picture(spread.beside, spread.beside_weight) == SEVERAL
-
-
-def test_the_part_whose_light_spreads_furthest_is_named() -> None:
-    """By the third of width and height in which most of it starts.
-
-    Where no third has most, by a side.
-    """
-    rng = np.random.default_rng(3)
-    cases = {
-        "the picture's lower left corner": ((0.0, 0.3), (0.0, 0.3)),
-        "the picture's upper right corner": ((0.7, 1.0), (0.7, 1.0)),
-        "the picture's left side": ((0.0, 0.3), (0.0, 1.0)),
-        "the picture's upper side": ((0.0, 1.0), (0.7, 1.0)),
-        "the picture's middle": ((0.4, 0.6), (0.4, 0.6)),
-        SEVERAL: ((0.0, 1.0), (0.0, 1.0)),
-    }
-    for words, ranges in cases.items():
-        places = np.stack([rng.uniform(*span, 500) for span in ranges], axis=1)
-        assert part_of_picture(places, np.ones(500)) == words
-
-    assert part_of_picture(np.empty((0, 2)), np.empty(0)) == SEVERAL
 
 
 def test_a_rig_grows_with_large_glass_only() -> None:

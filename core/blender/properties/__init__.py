@@ -61,7 +61,6 @@ def register() -> None:
     KirikoObject.image = PointerProperty(
         name="Image",
         translation_context=CONTEXT,
-        description="Image shown as the picture",
         type=bpy.types.Image,
         update=show_image,
         override=overridden.OVERRIDE,

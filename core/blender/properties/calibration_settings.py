@@ -30,12 +30,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     offset : the rig's deviations by name, a set for each calibration, JSON
     """
 
-    columns: IntProperty(
-        name="Columns", description="Number of lattice points across", default=7, min=2, max=99
-    )
-    rows: IntProperty(
-        name="Rows", description="Number of lattice points down", default=7, min=2, max=99
-    )
+    columns: IntProperty(name="Columns", default=7, min=2, max=99)
+    rows: IntProperty(name="Rows", default=7, min=2, max=99)
     margin: FloatProperty(
         name="Border",
         description="Distance from the picture's border to the outermost points, as a fraction of"
@@ -47,7 +43,6 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     style: EnumProperty(
         name="Style",
-        description="Look of the lattice picture",
         items=LATTICES,
         default="DOTS",
     )
@@ -80,7 +75,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     shift: FloatProperty(
         name="Shift",
-        description="Likely error of a part's position, in millimetres; 0 = exact",
+        description="Likely difference between the real rig and the drawn one: lengths in mm,"
+        " angles in degrees, the focal length in per cent; 0 = exact",
         default=TOLERANCES["shift"],
         min=0.0,
         soft_max=10.0,
@@ -91,7 +87,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     turn: FloatProperty(
         name="Turn",
-        description="Likely error of a part's rotation; 0 = exact",
+        description="Likely difference between the real rig and the drawn one: lengths in mm,"
+        " angles in degrees, the focal length in per cent; 0 = exact",
         default=radians(TOLERANCES["turn"]),
         min=0.0,
         max=radians(30.0),
@@ -101,7 +98,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     index: FloatProperty(
         name="Index",
-        description="Likely error of a glass's index of refraction; 0 = exact",
+        description="Likely difference between the real rig and the drawn one: lengths in mm,"
+        " angles in degrees, the focal length in per cent; 0 = exact",
         default=TOLERANCES["index"],
         min=0.0,
         max=0.5,
@@ -110,7 +108,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     focal: FloatProperty(
         name="Focal Length",
-        description="Likely error of the camera's focal length, in per cent; 0 = exact",
+        description="Likely difference between the real rig and the drawn one: lengths in mm,"
+        " angles in degrees, the focal length in per cent; 0 = exact",
         default=TOLERANCES["focal"],
         min=0.0,
         max=20.0,
@@ -120,7 +119,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     crossing: FloatProperty(
         name="Crossing",
-        description="Likely error of the right angle between a plate's layers; 0 = exact",
+        description="Likely difference between the real rig and the drawn one: lengths in mm,"
+        " angles in degrees, the focal length in per cent; 0 = exact",
         default=radians(TOLERANCES["crossing"]),
         min=0.0,
         max=radians(5.0),
@@ -130,7 +130,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     mirror: FloatProperty(
         name="Mirror Height",
-        description="Likely error of the height of a plate's mirrors, in millimetres; 0 = exact",
+        description="Likely difference between the real rig and the drawn one: lengths in mm,"
+        " angles in degrees, the focal length in per cent; 0 = exact",
         default=TOLERANCES["mirror"],
         min=0.0,
         max=10.0,
@@ -140,7 +141,6 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     keep: EnumProperty(
         name="Keep",
-        description="How to use the fitted rig",
         items=KEPT,
         default="OFFSET",
     )

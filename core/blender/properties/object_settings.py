@@ -117,7 +117,6 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     ior: FloatProperty(
         name="IOR",
-        description="Index of refraction of the glass between the mirrors",
         default=1.52,
         min=1.0,
         soft_max=2.5,
@@ -127,7 +126,6 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     reflectance: FloatProperty(
         name="Reflectance",
-        description="Fraction of light reflected by a mirror",
         default=0.87,
         min=0.001,
         max=1.0,
@@ -188,7 +186,6 @@ class KirikoObject(bpy.types.PropertyGroup):
 
     role: EnumProperty(
         name="Role",
-        description="This object's part in the rig",
         items=ROLE_ITEMS,
         default="NONE",
     )

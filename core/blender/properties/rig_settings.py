@@ -101,7 +101,6 @@ class KirikoRig(bpy.types.PropertyGroup):
     viewer_shown: IntProperty(min=0, options={"HIDDEN"})
     picture_source: EnumProperty(
         name="Picture",
-        description="Source of the picture",
         items=PICTURE_SOURCES,
         default="PLANE",
     )
@@ -187,7 +186,7 @@ class KirikoRig(bpy.types.PropertyGroup):
     )
     export_path: StringProperty(
         name="File",
-        description="File of the source image; the format sets its extension",
+        description="File to write; the format sets its extension",
         default="//source.png",
         subtype="FILE_PATH",
         options=RELATIVE_PATH,
@@ -200,8 +199,7 @@ class KirikoRig(bpy.types.PropertyGroup):
     )
     export_overwrite: BoolProperty(
         name="Overwrite",
-        description="Replace existing files; frames of an animation are replaced only by Solve"
-        " Again",
+        description="Replace existing files",
         default=False,
     )
     animation_path: StringProperty(
@@ -224,14 +222,12 @@ class KirikoRig(bpy.types.PropertyGroup):
     )
     movie_path: StringProperty(
         name="Movie",
-        description="File of the movie; the codec sets its extension",
+        description="File to write; the format sets its extension",
         default="//source",
         subtype="FILE_PATH",
         options=RELATIVE_PATH,
     )
-    movie_codec: EnumProperty(
-        name="Codec", description="Codec of the movie", items=CODECS, default="H264"
-    )
+    movie_codec: EnumProperty(name="Codec", items=CODECS, default="H264")
     movie_card: FloatProperty(
         name="Test Card",
         description="Seconds of test card at the movie's start: lattice, steps of grey, the"
@@ -245,7 +241,7 @@ class KirikoRig(bpy.types.PropertyGroup):
     )
     report_folder: StringProperty(
         name="Folder",
-        description="Folder of the report on accuracy and time",
+        description="Where to write",
         default="//report",
         subtype="DIR_PATH",
         options=RELATIVE_PATH,

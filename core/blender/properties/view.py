@@ -58,7 +58,6 @@ def add() -> None:
     KirikoView.left = EnumProperty(
         name="Left",
         translation_context=CONTEXT,
-        description="Image left of the handle",
         items=IMAGES,
         default="BEFORE",
         update=redraw,
@@ -66,7 +65,6 @@ def add() -> None:
     KirikoView.right = EnumProperty(
         name="Right",
         translation_context=CONTEXT,
-        description="Image right of the handle",
         items=IMAGES,
         default="AFTER",
         update=redraw,
