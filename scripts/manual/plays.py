@@ -171,6 +171,7 @@ MANUAL = {
     "first_picture": FIRST_PICTURE,
     "goblet": GOBLET,
     "phone": PHONE,
+    "viewers": VIEWERS,
     "panels": PANELS,
 }
 
