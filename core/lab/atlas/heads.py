@@ -13,7 +13,7 @@ from ...rig.rig import PicturePlace
 from ...rig.viewer import Viewer
 
 AXES = ("right", "up", "forward")
-IS_ASIDE = 1e-6  # of the distance: a picture that is nearer to the head than this is at it
+AT_HEAD = 1e-6  # of the distance; a nearer picture is at the head
 Offset = tuple[float, float, float]
 
 
@@ -155,7 +155,7 @@ def viewer_about(viewer: Viewer, middle: Floats, name: Message, offset: Offset) 
     after = middle - position
 
     far, near = np.linalg.norm(before), np.linalg.norm(after)
-    if near < IS_ASIDE * far or after @ before <= 0:
+    if near < AT_HEAD * far or after @ before <= 0:
         raise RigError(
             "The head position {right:.4g}, {up:.4g}, {forward:.4g} mm is at {point} or behind it."
             " Reduce the range.",
