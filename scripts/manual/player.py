@@ -371,6 +371,8 @@ class Player:
 
     def box(self, step: Shot, ring: list[int] | None) -> list[float]:
         """Left, bottom, width and height of the wanted part of the window, px."""
+        if step.of == "*":
+            return [0, 0, self.window.width, self.window.height]
         part = self.region(step.of, step.region) if step.region else self.area(step.of)
         left, bottom, width, height = part.x, part.y, part.width, part.height
         if step.of == "VIEW_3D" and step.region == "WINDOW":  # the sidebar stands in front of it

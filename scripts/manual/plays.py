@@ -97,7 +97,7 @@ FIRST_PICTURE: list[Step] = [
     Until("has_seaside"),
     Shot("first_picture", region="UI", at=PICTURE, near=150),
     Press(LOOK),
-    Until("is_seen"),
+    Until("is_seen", 400),
     RENDERED,
     Shot("first_seen", region="WINDOW"),
 ]
@@ -128,7 +128,7 @@ PHONE: list[Step] = [
     *IPHONE,
     *OWN_PICTURE,
     Press(LOOK),
-    Until("is_seen"),
+    Until("is_seen", 400),
     RENDERED,
     Shot("phone_seen", region="WINDOW"),
 ]
@@ -178,7 +178,7 @@ MANUAL = {
 
 def words_only(steps: list[Step]) -> list[Step]:
     """The steps without views of the scene, which are alike in all languages and taken once."""
-    views = (Press(LOOK), Until("is_seen"), Until("is_seen", 400), RENDERED)
+    views = (Press(LOOK), Until("is_seen", 400), RENDERED)
     is_view = lambda step: isinstance(step, Shot) and step.region == "WINDOW"  # noqa: E731
     return [step for step in steps if step not in views and not is_view(step)]
 

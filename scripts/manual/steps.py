@@ -102,7 +102,8 @@ class Do:
 class Shot:
     """A picture of a part of the window, with a mark around the button `at`.
 
-    of, region : region of an area, such as the sidebar `UI`; without a region the whole area
+    of, region : region of an area, such as the sidebar `UI`; without a region the whole area; `*`
+        is the whole window
     panel : panel of the sidebar that the picture is cropped to, after `Unfold` of it
     near : height above and below the mark that the picture is cropped to, px; 0 for all
     """
