@@ -39,7 +39,7 @@ ROOM = 1.01  # margin of a display around the outermost traced light
 # width in pictures from which a display is worth a sentence
 WIDE = 2
 # lost share of the picture from which the size of the display does not matter
-BESIDE = 0.5
+MOSTLY_LOST = 0.5
 CUT = 0.01  # share of the picture lost at Display Limit, worth a sentence
 SMALLER = 0.7  # of a display's width: a smaller display is proposed only below this
 
@@ -223,7 +223,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         live.settle(scene)
         live.forget_why()
         rig, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
-        _tell(rig, text, remarks, for_most, legibility_numbers(*seen))
+        _write_result(rig, text, remarks, for_most, legibility_numbers(*seen))
         if not bpy.app.background:
             _show(context, rig, glasses)
         is_short = sum(spread.unseen.values()) > 1 - ENOUGH
@@ -253,20 +253,20 @@ def _remember(proposal: Proposal, bench: RigSite, limit: float, metres: float) -
     _taken.update({name: length / metres for name, length in lengths.items() if length})
 
 
-def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
+def _wishes(given: KIRIKO_OT_add_rig, metres: float) -> Wishes:
     """The operator's properties, converted from Blender units."""
     return Wishes(
-        distance=asked.distance * metres,
-        tilt=asked.tilt,
-        azimuth=asked.azimuth,
-        picture=asked.picture_size * metres,
-        viewer_distance=asked.viewer_distance * metres,
-        field=asked.field * metres,
-        plate=asked.plate_size * metres,
-        display=asked.display_size * metres,
-        max_display=asked.max_display_size * metres,
-        aspect=asked.display_resolution[0] / asked.display_resolution[1],
-        look_down=asked.look_down,
+        distance=given.distance * metres,
+        tilt=given.tilt,
+        azimuth=given.azimuth,
+        picture=given.picture_size * metres,
+        viewer_distance=given.viewer_distance * metres,
+        field=given.field * metres,
+        plate=given.plate_size * metres,
+        display=given.display_size * metres,
+        max_display=given.max_display_size * metres,
+        aspect=given.display_resolution[0] / given.display_resolution[1],
+        look_down=given.look_down,
     )
 
 
@@ -315,10 +315,10 @@ def _on_display(
         display = Message("The display, {width} wide,", width=width)
         text = summary(1 - sum(lost.values()), lost, display)
 
-    if lost.get(BY_GAPS, 0.0) > BESIDE:
+    if lost.get(BY_GAPS, 0.0) > MOSTLY_LOST:
         return Message("{text} Close the gaps in the glass.", text=text), 0.0
 
-    if lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
+    if lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > MOSTLY_LOST:
         return Message(
             "{text} Most of the picture is next to the glass for the viewer: move it, or rotate"
             " the glass.",
@@ -362,7 +362,7 @@ def _on_display(
     ), smaller * max(1.0, 1.0 / aspect)
 
 
-def _tell(
+def _write_result(
     rig: bpy.types.Collection,
     text: str,
     remarks: list[str],

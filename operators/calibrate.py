@@ -35,7 +35,7 @@ from ..core.rig.rig import Rig
 from . import long_work, look_over, needed, telling, watch, work
 from .export import use_bundled_modules
 
-TELLS = (
+DETERMINED = (
     0.7  # of its tolerance: an amount with a smaller standard error is determined by the photograph
 )
 TEXTS = {".csv", ".txt", ".tsv"}  # suffixes of position files; any other file is an image
@@ -141,12 +141,12 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
 
     fitted = replace(reading, rig=with_amounts(rig, amounts)[0])
     solution = yield from subprogress(work.session().solve(fitted.rig, settings), 0.6, 1.0)
-    kept = (
+    stored = (
         put_into_scene(scene, fitted, lambda: work.read(context))
         if is_moved
         else keep_offset(scene, [*offset, amounts])
     )
-    with kept:
+    with stored:
         text = joined([text, write_solution(scene, look_over.read_to_solve(context), solution)])
 
     ours.found = details

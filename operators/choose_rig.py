@@ -114,8 +114,8 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         rig = active_rig(context.scene)
         has_copies = rig is not None and rig.is_editable and is_doubled(context.scene)
-        told = Message("Select copies of the rig's display and picture first")
-        reasons = [] if has_copies else [told]
+        message = Message("Select copies of the rig's display and picture first")
+        reasons = [] if has_copies else [message]
         if work.is_busy():
             reasons.append(needed.AT_WORK)
         return needed.can_run(cls, reasons)
@@ -127,8 +127,8 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
             things = meant_copies(context.scene, rig, context.selected_objects)
             name = part_copies(rig, things)
             choose_by_name(context, name)
-            told = Message("The copies are now the rig '{name}'. Press Solve.", name=name)
-            telling.report(self, "INFO", told)
+            message = Message("The copies are now the rig '{name}'. Press Solve.", name=name)
+            telling.report(self, "INFO", message)
             return {"FINISHED"}
         return {"CANCELLED"}
 

@@ -107,8 +107,8 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
             is_nowhere = not bpy.data.filepath and (
                 self.filepath or ours.export_path or "//"
             ).startswith("//")
-            is_asked = is_nowhere or self.choose
-            if is_asked and is_stale:
+            needs_dialogue = is_nowhere or self.choose
+            if needs_dialogue and is_stale:
                 self.is_to_ask = self.allow_stale = True
                 return ask(
                     self,
@@ -118,7 +118,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                     confirm_text=ANYWAY,
                 )
 
-            if is_asked:
+            if needs_dialogue:
                 path = self.filepath or ours.export_path
                 path = Path(path).name or "source" if is_nowhere else absolute(path)
                 self.form = self.named_form = self._form(context)

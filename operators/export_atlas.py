@@ -56,28 +56,28 @@ def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) 
     width, height = displays[0].kiriko.resolution
     n_pixels = width * height
     n = len(HeadGrid(box))
-    told = [Message("At least {n} of {most} places.", n=n, most=most)]
+    lines = [Message("At least {n} of {most} places.", n=n, most=most)]
     size = n_pixels * (BYTES + BYTES_A_PIXEL * has_images) / 1e6
-    told.append(
+    lines.append(
         Message("Up to {mb} MB each, {all} MB in all.", mb=number(size), all=number(n * size))
     )
     details = StoredNumbers.read(scene.kiriko.result.details).by_name
     if "tracing" not in details.get("seconds", {}) or "total_seconds" not in details:
-        told.append(Message("Solve again to see the time each needs."))
-        return told
+        lines.append(Message("Solve again to see the time each needs."))
+        return lines
 
     # an atlas is for one viewer
     each = details["total_seconds"] / max(len(seats_of(scene)), 1) + n_pixels * SECONDS
     # Planning traces the centre, and one place to each side of it along an axis.
     n_made = n + 1 + 2 * len(box.axes) + CHECKED
-    told.append(
+    lines.append(
         Message(
             "About {seconds} s each, {minutes} min in all.",
             seconds=number(each),
             minutes=number(n_made * each / 60),
         )
     )
-    return told
+    return lines
 
 
 TOLERANCE = 1.0  # px of the picture
@@ -256,7 +256,7 @@ def _box(arguments: argparse.Namespace) -> HeadBox:
 def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
     """Plan an atlas and make all of it."""
     yield Message("planning the atlas")
-    atlas = yield from to_folder.told_in_tenths(
+    atlas = yield from to_folder.progress_in_tenths(
         atlas_plan.planned(
             making,
             _box(arguments),
@@ -269,7 +269,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
     yield amount(atlas)
     if not arguments.plan:
         steps = atlases.whole(making, atlas, arguments.most)
-        atlas = yield from to_folder.told_in_tenths(steps)
+        atlas = yield from to_folder.progress_in_tenths(steps)
         yield atlas_report(atlas, arguments.out)
 
 
@@ -279,7 +279,7 @@ def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, 
     numbers = arguments.places
     if arguments.share is not None:
         numbers = atlases.share(atlas, *arguments.share)
-    n = yield from to_folder.told_in_tenths(atlases.made(making, atlas, numbers))
+    n = yield from to_folder.progress_in_tenths(atlases.made(making, atlas, numbers))
     yield Message("wrote {n} files to '{folder}'", n=n, folder=arguments.out)
 
 
@@ -288,13 +288,13 @@ def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None
     atlas = atlas_plan.planned_before(making)
     if arguments.halve:
         steps = atlases.halved(making, atlas, arguments.most)
-        atlas = yield from to_folder.told_in_tenths(steps)
+        atlas = yield from to_folder.progress_in_tenths(steps)
         if atlas.checked is None:
             yield amount(atlas)
             return
     else:
         steps = atlases.checked(making, atlas, arguments.check)
-        atlas = yield from to_folder.told_in_tenths(steps)
+        atlas = yield from to_folder.progress_in_tenths(steps)
         atlases.refuse_too_coarse(atlas)
     yield atlas_report(atlas, arguments.out)
 

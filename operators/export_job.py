@@ -17,7 +17,7 @@ from ..core.blender.data.files_read import files_read
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from ..core.blender.data.reports import said_by
 from ..core.blender.data.rigs import active_rig, rigs
-from ..core.blender.data.scene_frames import frame_kept
+from ..core.blender.data.scene_frames import frame_restored
 from ..core.files import disk
 from ..core.files.frame_list import frames_of
 from ..core.lab.farm import extension
@@ -36,7 +36,7 @@ from ..core.light.mesh_cache import MeshCache
 from ..core.solve.first_picture import check_light
 from . import folder, needed, telling, work
 from .set_value import having
-from .viewer_reports import ALL, asked_for, choose_alone, naming_rig, naming_viewer
+from .viewer_reports import ALL, viewers_requested, choose_alone, naming_rig, naming_viewer
 
 MOST = 64  # frames of a job to try until one has a complete rig
 
@@ -46,29 +46,29 @@ def check_rigs(context: bpy.types.Context, job: Job) -> None:
 
     One frame, or one value, with a complete rig is enough. The scene is left unchanged.
     """
-    kept = MeshCache()  # glass is prepared once for all viewers
+    cache = MeshCache()  # glass is prepared once for all viewers
     for rig in [one.value for one in job.rigs] or [None]:
         with naming_rig(rig), _chosen(context.scene, rig):
             for viewer in [one.value for one in job.viewers] or [None]:
                 with naming_viewer(viewer), _alone(context.scene, viewer):
-                    _check_one(context, job, kept)
+                    _check_one(context, job, cache)
 
 
-def _check_one(context: bpy.types.Context, job: Job, kept: MeshCache) -> None:
+def _check_one(context: bpy.types.Context, job: Job, cache: MeshCache) -> None:
     """Raise the first error if each of the job's tasks for a rig has one."""
     first = None
     for value in [one.value for one in job.values] or [None]:
         with ExitStack() as stack:
             if value is not None:
                 stack.enter_context(having(job.path, value))
-            stack.enter_context(frame_kept(context.scene))
+            stack.enter_context(frame_restored(context.scene))
             for frame in _frames(context.scene, job):
                 if frame != context.scene.frame_current:
                     context.scene.frame_set(frame)
                 try:
                     rig = work.read(context).rig
                     rig.check()
-                    check_light(kept, rig, work.settings_of(context.scene))
+                    check_light(cache, rig, work.settings_of(context.scene))
                 except KirikoError as error:
                     first = first or error
                 else:
@@ -324,7 +324,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
             if self.every_viewer and self.every_rig:
                 raise viewers_of_all(Message("leave out Every Rig"))
             if self.every_viewer:
-                viewers = asked_for(context.scene, [ALL])
+                viewers = viewers_requested(context.scene, [ALL])
                 job = replace(job, viewers=choices(viewers))
             job.check()
             check_rigs(context, job)

@@ -92,7 +92,7 @@ def exported(
     if not overwrite:
         folder.refuse_existing(target, [*files, SIDECAR], remedy)
 
-    told: list[dict[str, Any]] = []
+    entries: list[dict[str, Any]] = []
     earlier = earlier_files(target)
 
     with ExitStack() as stack:
@@ -103,9 +103,9 @@ def exported(
         for k, wavelength in enumerate(wavelengths):
             of_it = names[k * each : (k + 1) * each]
             steps = _written(new, rig, replace(settings, wavelength=wavelength), options, of_it)
-            told += yield from subprogress(steps, MAPPED * k / n, MAPPED * (k + 1) / n)
+            entries += yield from subprogress(steps, MAPPED * k / n, MAPPED * (k + 1) / n)
         # Write nothing if undo or another file has removed the scene in the meantime.
-        about = {**_about(scene, rig, settings, options), "maps": told}
+        about = {**_about(scene, rig, settings, options), "maps": entries}
         disk.write_text(new() / SIDECAR, json.dumps(about, indent=2) + "\n")
 
     remove_earlier(target, earlier, files)
@@ -124,15 +124,15 @@ def _written(
     Yields progress 0..1, returns the entries of maps.json.
     """
     solution = yield from subprogress(work.session().solve(rig, settings), 0.0, SOLVED)
-    told = []
+    entries = []
     n = len(names)
     for k, (channel, forms) in enumerate(zip(solution.channels, names, strict=True)):
         start, stop = (SOLVED + (1 - SOLVED) * i / n for i in (k, k + 1))
         maps = yield from subprogress(maps_of(channel, options), start, stop)
         write_maps(new(), forms, maps, ABOUT)
-        told.append(description(channel, maps, forms))
+        entries.append(description(channel, maps, forms))
         yield stop
-    return told
+    return entries
 
 
 def writable(options: MapOptions) -> MapOptions:

@@ -30,7 +30,7 @@ class Remove:
     """Mix-in for an operator that removes a surface.
 
     surface : its name for `made_surface`
-    lacking : reason to refuse if there is none
+    missing_text : reason to refuse if there is none
     """
 
     bl_options = {"REGISTER", "UNDO"}
@@ -38,7 +38,7 @@ class Remove:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         is_there = made_surface(context.scene, cls.surface) is not None
-        return needed.can_run(cls, [] if is_there else [cls.lacking])
+        return needed.can_run(cls, [] if is_there else [cls.missing_text])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         thing = made_surface(context.scene, self.surface)
@@ -55,7 +55,7 @@ class KIRIKO_OT_remove_visible_range(Remove, bpy.types.Operator):
     bl_idname = "kiriko.remove_visible_range"
     bl_label = "Remove Visible Range"
     surface = RANGE
-    lacking = Message("There is no visible range")
+    missing_text = Message("There is no visible range")
 
 
 class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
@@ -147,7 +147,7 @@ class KIRIKO_OT_remove_eye_box(Remove, bpy.types.Operator):
     bl_idname = "kiriko.remove_eye_box"
     bl_label = "Remove Eye Box"
     surface = EYE_BOX
-    lacking = Message("There is no eye box")
+    missing_text = Message("There is no eye box")
 
 
 class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
@@ -203,14 +203,14 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
             framing.bring_into_sight(
                 context, thing
             )  # the surface is around the viewer, far from the bench
-        told = Message(
+        text = Message(
             "The head of '{viewer}' may move {ways} within {limit} arcmin: '{name}'.",
             limit=number(self.limit),
             viewer=viewer,
             ways=joined(ways_in_words(scene, numbers), ", "),
             name=thing.name,
         )
-        return joined([told, *of_blended(scene)])
+        return joined([text, *of_blended(scene)])
 
 
 def check_limit(limit: float) -> None:

@@ -22,7 +22,7 @@ from ..core.blender.data import movie
 from ..core.blender.data.image import size_of
 from ..core.blender.data.moving import OfMovie, Reel
 from ..core.blender.data.paths import absolute
-from ..core.blender.data.scene_frames import folder_of, frame_files, frame_kept, frames_of_range
+from ..core.blender.data.scene_frames import folder_of, frame_files, frame_restored, frames_of_range
 from ..core.blender.read.scene import Reading
 from ..core.blender.read.shapes import ShapeCache
 from ..core.files import disk, image_io
@@ -177,7 +177,7 @@ def solved(
         disk.check_appendable(into / run.log)
 
     before = {p: disk.stamp(p) if disk.is_there(p) else None for p in run.files.values()}
-    with frame_kept(scene), _news_for(keeps.shapes), _open_reel(keeps.shapes):
+    with frame_restored(scene), _news_for(keeps.shapes), _open_reel(keeps.shapes):
         solved_for = {} if run.overwrite else _solved_for(run)
         for k, (frame, path) in enumerate(run.files.items()):
             yield k / n
@@ -289,21 +289,21 @@ def _log(path: Path, line: dict[str, Any], began: float, **rest: object) -> None
 
 
 @contextmanager
-def _open_reel(kept: ShapeCache) -> Iterator[None]:
+def _open_reel(shapes: ShapeCache) -> Iterator[None]:
     """Keep movies open within the context."""
-    kept.reel = Reel()
+    shapes.reel = Reel()
     try:
         yield
     finally:
-        kept.reel.close()
+        shapes.reel.close()
 
 
 @contextmanager
-def _news_for(kept: ShapeCache) -> Iterator[None]:
+def _news_for(shapes: ShapeCache) -> Iterator[None]:
     """Forward Blender's change reports within the context."""
 
     def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        kept.notice(depsgraph)
+        shapes.notice(depsgraph)
 
     handlers = (("frame_change_post", on_update), ("depsgraph_update_post", on_update))
     work.listen(handlers)

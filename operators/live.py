@@ -11,7 +11,7 @@ from bpy.app.handlers import persistent
 
 from ..core.base.messages import Message
 from ..core.blender.result.conflict import pack_conflict
-from ..core.blender.result.result_images import lacks_numbers
+from ..core.blender.result.result_images import is_missing_numbers
 from ..core.blender.result.write_result import pack_source
 from . import live_follower, needed, telling, work
 from .windows import redraw
@@ -122,7 +122,7 @@ def push_undo(scene: bpy.types.Scene) -> None:
     Undo of the next change then returns to it, not to the result of an older scene.
     """
     result = scene.kiriko.result
-    if not follows(scene) or result.is_coarse or lacks_numbers(result) or is_ahead(scene):
+    if not follows(scene) or result.is_coarse or is_missing_numbers(result) or is_ahead(scene):
         return
     if _lives[0].n_pushed < _lives[0].n_pictures:
         _lives[0].n_pushed = _lives[0].n_pictures
@@ -162,7 +162,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     Reading the scene decides whether it matters.
     """
     for live in _lives:
-        live.kept.notice(depsgraph, live.ours)
+        live.shapes.notice(depsgraph, live.ours)
         live.touch()
 
 
@@ -235,8 +235,8 @@ class KIRIKO_OT_live(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
         reasons = (needed.linked, needed.missing_parts, needed.pictureless)
-        lacks = [] if follows(scene) else [one for why in reasons for one in why(scene)]
-        return needed.can_run(cls, lacks)
+        missing = [] if follows(scene) else [one for why in reasons for one in why(scene)]
+        return needed.can_run(cls, missing)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if follows(context.scene):

@@ -82,12 +82,12 @@ class Live:
         self.seconds: tuple[float, float] | None = None
         self._shown_at: list[float] = []  # times of the present update's pictures
         self.longest: dict[str, float] = {}  # s by phrase of the step
-        self.kept = ShapeCache()
+        self.shapes = ShapeCache()
         self.ours: set[int] = set()  # session uids of datablocks that Live itself writes to
         self.progress: float | None = None  # 0..1, of a slow picture
         self.phrase: Message | str = ""  # status bar text of the step; '' for none
         self._text = ""
-        self._told: set[int] = set()  # session uids of the workspaces that show it
+        self._text_workspaces: set[int] = set()  # session uids of the workspaces that show it
         self._lasted: dict[NextStep, float] = {}
         # s of tracing and painting, by kind of rig
         self._whole_lasted: dict[tuple[object, ...], float] = {}
@@ -101,7 +101,7 @@ class Live:
 
     def start_over(self) -> None:
         """Treat everything as changed, as after undo, which may have restored the image too."""
-        self.kept = ShapeCache()
+        self.shapes = ShapeCache()
         self._drop()
         self._key, self._may_keep = None, False
         self.problem = ""  # may belong to an older scene
@@ -193,7 +193,7 @@ class Live:
         show one.
         """
         if self.is_changed and (self._work is None or self._has_picture):
-            return NextStep(READING, (self.kept.is_whole,))
+            return NextStep(READING, (self.shapes.is_whole,))
         if (self._pending is None or self._has_picture) and self._is_to_compare:
             return NextStep(GLASS, (*_sizes(self._reading.rig),))
         return self._pending
@@ -234,7 +234,7 @@ class Live:
         self.is_changed = False  # the reading includes the change that triggered it
         settings = work.settings_of(context.scene)
         try:
-            reading = work.read(context, self.kept)
+            reading = work.read(context, self.shapes)
             reading.rig.check()
             settings.check()
         except KirikoError:
@@ -251,12 +251,12 @@ class Live:
             tuple(display.black_level for display in reading.rig.displays),
             settings,
             fingerprint(reading.rig.picture_place),
-            *map(self.kept.fingerprint_of, reading.rig.picture.images),
+            *map(self.shapes.fingerprint_of, reading.rig.picture.images),
         )
         if key == self._key:
             self._reading = replace(reading, solved_for=self._reading.solved_for)
             return
-        self._reading = replace(reading, solved_for=work.scene_now(context, self.kept).as_text())
+        self._reading = replace(reading, solved_for=work.scene_now(context, self.shapes).as_text())
         self._drop()
         self._key = key
         may_keep, self._may_keep = self._may_keep, False
@@ -299,8 +299,8 @@ class Live:
             is_last = n == len(pictures) - 1
             began, n_before = perf_counter(), self.n_pictures
             try:
-                tells = is_last and not is_quick
-                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last, tells)
+                is_reported = is_last and not is_quick
+                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last, is_reported)
             except KirikoError:
                 if is_last:
                     raise
@@ -331,12 +331,12 @@ class Live:
         redraw()
 
     def _solve(
-        self, rig: Rig, settings: Settings, is_built: bool, is_last: bool, tells: bool
+        self, rig: Rig, settings: Settings, is_built: bool, is_last: bool, is_reported: bool
     ) -> Generator[NextStep, None, Any]:
         """Solve, fully or for a coarse source image; yields each step and its expected duration
         first.
 
-        tells : whether progress is reported; not if an earlier solve took no time
+        is_reported : whether progress is reported; not if an earlier solve took no time
         """
         sizes = (*_sizes(rig), is_built)
         session = work.session()
@@ -358,12 +358,12 @@ class Live:
                 self.progress = None
                 return end.value
             n += 1
-            if tells:
-                self._tell(progress)
+            if is_reported:
+                self._report_progress(progress)
             if painted:
                 yield from self._show(painted.pop(), update_final)
 
-    def _tell(self, progress: float) -> None:
+    def _report_progress(self, progress: float) -> None:
         """Report the progress of the final picture."""
         before, self.progress = self.progress, progress
         if before is None or int(100 * before) != int(100 * progress):
@@ -421,15 +421,15 @@ class Live:
         if text == self._text:
             return False
         self._text = text
-        told, self._told = self._told, set()
+        before, self._text_workspaces = self._text_workspaces, set()
         for window in all_windows():
             if window.scene.session_uid == self.uid or not text:
                 with bpy.context.temp_override(window=window):
                     window.workspace.status_text_set(text or None)
-                self._told.add(uid(window.workspace))
+                self._text_workspaces.add(uid(window.workspace))
         # a workspace that was left would keep the text for good
         for workspace in bpy.data.workspaces:
-            if uid(workspace) in told - self._told:
+            if uid(workspace) in before - self._text_workspaces:
                 with bpy.context.temp_override(workspace=workspace):
                     workspace.status_text_set(None)
         redraw()  # panels show the same text

@@ -42,14 +42,14 @@ class Looked:
 
     meshes : findings of objects' meshes by session uid, without changed ones
     rig : session uid of the rig that was active
-    asked : whether a panel has requested findings since the last check
+    requested : whether a panel has requested findings since the last check
     is_whole : whether all meshes are checked
     """
 
     entries: list[Entry] = field(default_factory=list)
     meshes: dict[int, InspectedMesh] = field(default_factory=dict)
     rig: int | None = None
-    asked: bool = True
+    requested: bool = True
     is_whole: bool = False
     rests_until: float = 0.0
     changed_at: float = 0.0
@@ -65,7 +65,7 @@ class Looked:
         """Mark meshes of objects for another check."""
         for uid in uids:
             self.meshes.pop(uid, None)
-        self.asked, self.is_whole = True, False
+        self.requested, self.is_whole = True, False
 
 
 _looked: dict[int, Looked] = {}  # by session uid of the scene
@@ -83,7 +83,7 @@ def found(context: bpy.types.Context) -> list[Entry]:
     elif looked.rig != rig_uid(context.scene):
         looked.rig, looked.entries = rig_uid(context.scene), []
         looked.is_whole, looked.rests_until = False, 0.0
-    looked.asked = True
+    looked.requested = True
     return looked.entries
 
 
@@ -105,7 +105,7 @@ def is_looking(scene: bpy.types.Scene) -> bool:
 def inspect_again(scene: bpy.types.Scene) -> None:
     """Check a scene at the next turn, because another of its rigs is active."""
     if scene.session_uid in _looked:
-        _looked[scene.session_uid].asked, _looked[scene.session_uid].rests_until = True, 0.0
+        _looked[scene.session_uid].requested, _looked[scene.session_uid].rests_until = True, 0.0
 
 
 def look_now(context: bpy.types.Context) -> list[Entry]:
@@ -117,10 +117,10 @@ def look_now(context: bpy.types.Context) -> list[Entry]:
 
 def read_to_solve(context: bpy.types.Context) -> Any:
     """The scene as read, with its fingerprint for the result, and findings among the notes."""
-    kept = ShapeCache()
-    reading = work.read(context, kept)
+    shapes = ShapeCache()
+    reading = work.read(context, shapes)
     notes = tuple(dict.fromkeys([*reading.notes, *findings(context)]))
-    return replace(reading, notes=notes, solved_for=work.scene_now(context, kept).as_text())
+    return replace(reading, notes=notes, solved_for=work.scene_now(context, shapes).as_text())
 
 
 def findings(context: bpy.types.Context) -> list[str]:
@@ -150,7 +150,7 @@ def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
     look = _seen(looked, scene)
     looked.rig = rig_uid(scene)
     looked.entries = checklist.entries(look, partial(length_text, scene))
-    looked.asked, looked.is_whole = not is_whole, is_whole
+    looked.requested, looked.is_whole = not is_whole, is_whole
     looked.rests_until = monotonic() + RESTING * (perf_counter() - started)
 
 
@@ -203,7 +203,7 @@ def _turn() -> None:
     for window in windows.all_windows():
         scene = window.scene
         looked = _looked.get(scene.session_uid)
-        if looked is None or not looked.asked or monotonic() < looked.rests_until:
+        if looked is None or not looked.requested or monotonic() < looked.rests_until:
             continue
         if any(w.screen.is_animation_playing for w in windows.all_windows()):
             return
@@ -229,10 +229,10 @@ def _turn() -> None:
 @persistent
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Forget meshes that Blender has evaluated again."""
-    anew = reshaped(depsgraph) if _looked else []
-    uids = [thing.session_uid for thing in anew if thing.kiriko.role in CHECKED]
+    changed = reshaped(depsgraph) if _looked else []
+    uids = [thing.session_uid for thing in changed if thing.kiriko.role in CHECKED]
     for looked in _looked.values():
-        looked.asked |= bool(anew)
+        looked.requested |= bool(changed)
         if uids:
             looked.changed_at = monotonic()
             looked.forget(uids)

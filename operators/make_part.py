@@ -25,7 +25,7 @@ from ..core.blender.lifecycle.rig_objects import (
 from ..core.blender.read.places import PlaceCache, read_places
 from ..core.rig.rig import ROLES, Display, PicturePlace, Rig
 from . import long_work, needed, telling, work
-from .mend import MendsPart
+from .repair import RepairsPart
 
 PIXELS = (1920, 1080)
 MADE = ("DISPLAY", "PICTURE", "PLATE", "VIEWER")
@@ -130,7 +130,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         return thing
 
 
-class KIRIKO_OT_use_part(MendsPart, bpy.types.Operator):
+class KIRIKO_OT_use_part(RepairsPart, bpy.types.Operator):
     """Use this object as the rig's glass"""
 
     bl_idname = "kiriko.use_part"
@@ -138,7 +138,7 @@ class KIRIKO_OT_use_part(MendsPart, bpy.types.Operator):
 
     may_be_linked = True
 
-    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+    def repair(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         (own,) = overridden(context.scene, (thing,))
         own.kiriko.role = "GLASS"
         return Message("'{name}' is now the rig's glass.", name=thing.name)

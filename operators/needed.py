@@ -13,7 +13,7 @@ from ..core.blender.data.rigs import active_rig, elsewhere, mark_of
 from ..core.blender.data.visibility import VisibleObjects, instance_hidden_by, is_visible
 from ..core.blender.lifecycle.rig_objects import PLATE_NAME
 from ..core.blender.read.scene_parts import LeftOut, hidden_words
-from ..core.blender.result.result_images import lacks_numbers
+from ..core.blender.result.result_images import is_missing_numbers
 from ..core.rig.rig import ROLES
 from ..languages import in_all
 from .telling import in_words
@@ -190,10 +190,10 @@ def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
     Every button asks at each redraw. If the parts found last are complete, no other object can
     change the answer; a role that is missing when all of it is hidden has to be among them.
     """
-    return missing_of(scene, _parts_to_tell(scene))
+    return missing_of(scene, _parts_to_report(scene))
 
 
-def _parts_to_tell(scene: bpy.types.Scene) -> Parts:
+def _parts_to_report(scene: bpy.types.Scene) -> Parts:
     """The parts found last if none is missing, otherwise all."""
     met = parts_met(scene)
     return met if met.keys() >= MISSED and not missing_of(scene, met) else parts(scene)
@@ -207,23 +207,23 @@ def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
     if len(ours.viewers) or _is_there(viewer_of(scene), scene):
         there.add("VIEWER")
 
-    lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}
-    lacks |= {
+    phrases = {role: phrase for role, phrase in NEEDED.items() if role not in there}
+    phrases |= {
         role: hidden_words(*next(iter(found[role].items())))
-        for role in (*lacks, *(MISSED - there))
+        for role in (*phrases, *(MISSED - there))
         if role in found
     }
 
     if "PLATE" not in found and has_lost_plate(scene):
-        lacks["PLATE"] = NO_PLATE
+        phrases["PLATE"] = NO_PLATE
     if ours.picture_source == "IMAGE":
-        lacks.pop("PICTURE", None)
+        phrases.pop("PICTURE", None)
         if ours.picture_image is None and not own_images(scene):
-            lacks["IMAGE"] = NO_IMAGE
+            phrases["IMAGE"] = NO_IMAGE
         elif why := why_no_own_image(scene):
-            lacks["IMAGE"] = why
+            phrases["IMAGE"] = why
 
-    return lacks
+    return phrases
 
 
 def missing_parts(scene: bpy.types.Scene) -> list[str]:
@@ -231,14 +231,14 @@ def missing_parts(scene: bpy.types.Scene) -> list[str]:
 
     A part is not missing if modifiers may instance it from elsewhere in the file.
     """
-    found = _parts_to_tell(scene)
-    lacks = missing_of(scene, found)
-    if lacks and has_makers(scene):
+    found = _parts_to_report(scene)
+    phrases = missing_of(scene, found)
+    if phrases and has_makers(scene):
         elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
-        lacks = {role: phrase for role, phrase in lacks.items() if role not in elsewhere}
+        phrases = {role: phrase for role, phrase in phrases.items() if role not in elsewhere}
     shown = {role: [one for one, by in things.items() if not by] for role, things in found.items()}
     doubled = [too_many(role, n) for role in SINGLE if (n := len(shown.get(role, ()))) > 1]
-    return [*lacks.values(), *doubled, *map(no_part, shown.get(NO_PART, ()))]
+    return [*phrases.values(), *doubled, *map(no_part, shown.get(NO_PART, ()))]
 
 
 def pictureless(scene: bpy.types.Scene) -> list[str]:
@@ -280,7 +280,7 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
     result = scene.kiriko.result
     if result.source is None:
         return [UNSOLVED]
-    if lacks_numbers(result):
+    if is_missing_numbers(result):
         return [NUMBERLESS]
     return [COARSE] if result.is_coarse else []
 

@@ -16,7 +16,7 @@ EXAMPLES = (
     ("BOTTLE", "Bottle", "A hollow bottle by Screw and Subdivision", "MESH_CYLINDER", 3),
 )
 WAIT = 0.1  # s until the new file's windows can be framed
-_asked: list[str] = []  # the example to open after the artist has confirmed
+_requested: list[str] = []  # the example to open after the artist has confirmed
 
 
 def path_of(example: str) -> Path:
@@ -38,8 +38,8 @@ def on_load(path: str, *_: object) -> None:
 
     It has no file name, like a new file.
     """
-    is_example = bool(_asked) and not path
-    _asked.clear()
+    is_example = bool(_requested) and not path
+    _requested.clear()
     if not is_example:
         return
     for scene in bpy.data.scenes:
@@ -85,7 +85,7 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
         path = path_of(self.example)
         with telling.errors_reported(self):
             # As a startup file: Save asks for a name, so the example stays unchanged.
-            _asked[:] = [self.example]
+            _requested[:] = [self.example]
             bpy.ops.wm.read_homefile(how, filepath=str(path), load_ui=False)
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -99,4 +99,4 @@ def register() -> None:
 def unregister() -> None:
     """Stop listening."""
     work.stop_listening(HANDLERS)
-    _asked.clear()
+    _requested.clear()

@@ -25,7 +25,7 @@ from . import automatic, long_work, needed, telling, work, wrapping
 from .needed import the_picture
 
 NOTHING = Message("There is no proposal for the rig as it is")
-WIDTH, BESIDE = 420, 40  # px of the dialogue, and of the space next to its text
+WIDTH, SPACE = 420, 40  # px of the dialogue, and of the space next to its text
 SAME = 1e-6  # of a matrix's entries: smaller differences count as unmoved
 
 
@@ -106,7 +106,7 @@ def make(context: bpy.types.Context, proposal: ProposedChange) -> None:
     refuse_changed(context, proposal)
     things = [(context.scene.objects[move.name], move.after) for move in proposal.moves]
     things.sort(key=lambda pair: _depth(pair[0]))  # children after parents
-    kept = [
+    before = [
         (thing, thing.matrix_basis.copy(), thing.matrix_parent_inverse.copy())
         for thing, _ in things
     ]
@@ -115,7 +115,7 @@ def make(context: bpy.types.Context, proposal: ProposedChange) -> None:
         try:
             give_matrix(context, thing, matrix)
         except RigError as why:
-            for other, basis, way in kept:
+            for other, basis, way in before:
                 other.matrix_basis, other.matrix_parent_inverse = basis, way
             context.view_layer.update()
             raise RigError("'{name}' can't be moved: {why}.", name=thing.name, why=why) from None
@@ -182,7 +182,7 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
         proposal = current(context.scene)
         if proposal is not None:
             text = telling.in_words(proposal.text)
-            for line in wrapping.wrapped(text, WIDTH - BESIDE, wrapping.points_of(context)):
+            for line in wrapping.wrapped(text, WIDTH - SPACE, wrapping.points_of(context)):
                 self.layout.label(text=line, translate=False)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -353,14 +353,14 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
         if found.glass_turn.any():
             turn = turn_of(rig, found.glass_turn)
             moves += [move_of(g, turn, metres) for g in glass_objects(scene)]
-        told = _told(scene, rig, found, side)
+        text = _description(scene, rig, found, side)
         is_at_limit = np.abs(found.shift).max() > AT_LIMIT * limits.shift
         if is_at_limit and found.after < ENOUGH:
-            told = joined([told, Message("It moved to its limit: raise Move up to.")])
-        return ProposedChange(self.bl_label, told, tuple(moves))
+            text = joined([text, Message("It moved to its limit: raise Move up to.")])
+        return ProposedChange(self.bl_label, text, tuple(moves))
 
 
-def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Message:
+def _description(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Message:
     """The gain, and the motions it needs."""
     axes = plane_of(rig).sides
     shift = found.shift @ (axes / np.linalg.norm(axes, axis=1)[:, None])

@@ -38,11 +38,11 @@ def legible(
     key = fingerprint(rig.light_keys, rig.picture_place, settings.of_optics, is_watched)
     known = work.legible()
     if key not in known:  # legibility does not depend on the picture
-        kept, helps = MeshCache(), ()
-        work.session().lend(kept)
-        found = yield from subprogress(card_legibility(rig, settings, kept), 0.0, 0.2)
+        cache, helps = MeshCache(), ()
+        work.session().lend(cache)
+        found = yield from subprogress(card_legibility(rig, settings, cache), 0.0, 0.2)
         if found < READABLE and is_watched:
-            helps = yield from subprogress(legible_by(rig, settings, found, kept), 0.2, 1.0)
+            helps = yield from subprogress(legible_by(rig, settings, found, cache), 0.2, 1.0)
         known.clear()
         known[key] = found, helps
     return known[key]

@@ -118,8 +118,8 @@ def _refused(check: Callable[[Rig], object], rig: Rig) -> KirikoError | None:
     return None
 
 
-def beside_names(rig: Rig) -> tuple[str, ...]:
-    """Files of the drawings that `beside` makes."""
+def extra_names(rig: Rig) -> tuple[str, ...]:
+    """Files of the drawings that `find_extras` makes."""
     found = (
         (check_head, head_range.FILE),
         (check_pair, pairs.FILE),
@@ -128,7 +128,7 @@ def beside_names(rig: Rig) -> tuple[str, ...]:
     return tuple(name for check, name in found if _has(check, rig))
 
 
-def beside(
+def find_extras(
     context: bpy.types.Context, rig: Rig, limit: float = LIMIT, least: float = LEAST
 ) -> Generator[float, None, ReportExtras]:
     """Find everything a report contains besides costs; yields progress 0..1.
@@ -150,15 +150,15 @@ def beside(
     for name, label, is_there, steps, end in parts:
         if is_there:
             try:
-                told, drawings = yield from subprogress(steps, start, end)
+                figures, drawings = yield from subprogress(steps, start, end)
             except Exception as error:
                 found.errors[label] = error
                 missing = found.numbers.setdefault("missing", {})
                 missing[name] = str(error) or type(error).__name__
             else:
                 if len(rig.viewers) > 1 and name.endswith("_box"):
-                    told["disagreement"] = "sharp"  # in any mode
-                found.numbers[name] = told
+                    figures["disagreement"] = "sharp"  # in any mode
+                found.numbers[name] = figures
                 found.drawings |= drawings
         start = end
     return found
@@ -173,20 +173,20 @@ def _seen_by_each(
     """
     settings = work.settings_of(context.scene)
     solution = yield from subprogress(work.session().solve(rig, settings), 0.0, 0.9)
-    told = yield from subprogress(reports_of(solution, settings), 0.9, 1.0)
-    found.of_viewers = told.numbers
-    if CONFLICT in told.numbers:
-        found.numbers[CONFLICT] = told.numbers[CONFLICT]
-    return told.numbers["viewers"], {}
+    reports = yield from subprogress(reports_of(solution, settings), 0.9, 1.0)
+    found.of_viewers = reports.numbers
+    if CONFLICT in reports.numbers:
+        found.numbers[CONFLICT] = reports.numbers[CONFLICT]
+    return reports.numbers["viewers"], {}
 
 
 def _two_eyes_of(
     context: bpy.types.Context, rig: Rig
 ) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
     """Figures and a drawing of what a pair of eyes sees; yields progress 0..1."""
-    kept = MeshCache()
-    work.session().lend(kept)
-    eyes = yield from two_eyes(rig, work.settings_of(context.scene), kept=kept)
+    cache = MeshCache()
+    work.session().lend(cache)
+    eyes = yield from two_eyes(rig, work.settings_of(context.scene), kept=cache)
     return pairs.as_data(eyes), {pairs.FILE: pairs.as_svg(rig, eyes)}
 
 
@@ -212,7 +212,7 @@ def ways_to_settle(
     """
     session = work.session()
     ways = get_args(Disagreement)
-    told = {}
+    of_ways = {}
     for k, way in enumerate(ways):
         settings = replace(work.settings_of(context.scene), disagreement=way)
         start, half, end = ((k + part) / len(ways) for part in (0.0, 0.5, 1.0))
@@ -220,8 +220,8 @@ def ways_to_settle(
         of_viewer = {viewer.name: mtf for viewer, mtf in zip(rig.viewers, sharp, strict=True)}
         solution = yield from subprogress(session.solve(rig, settings), half, end)
         reports = yield from subprogress(viewer_reports(solution), end, end)
-        told[way] = [{**asdict(one), "mtf50_per_px": of_viewer[one.viewer]} for one in reports]
-    return told, {}
+        of_ways[way] = [{**asdict(one), "mtf50_per_px": of_viewer[one.viewer]} for one in reports]
+    return of_ways, {}
 
 
 def eye_box_of(
@@ -240,7 +240,7 @@ def eye_box_of(
 
 def files_of(rig: Rig) -> tuple[str, ...]:
     """Files that the verb writes."""
-    return (*beside_names(rig), NUMBERS)
+    return (*extra_names(rig), NUMBERS)
 
 
 def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
@@ -282,8 +282,8 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if not arguments.overwrite:
         folder.refuse_existing(arguments.out, files, "add --overwrite")
 
-    found = yield from to_folder.told_in_tenths(
-        beside(context, rig, arguments.limit, arguments.share)
+    found = yield from to_folder.progress_in_tenths(
+        find_extras(context, rig, arguments.limit, arguments.share)
     )
     for error in found.errors.values():
         if not isinstance(error, OffFromStartError):
@@ -321,7 +321,7 @@ __all__ = ["measured", "names", "table", "write"]
 
 def names(rig: Rig) -> tuple[str, ...]:
     """Files of the rig's report."""
-    return (*_own_names(rig), *beside_names(rig))
+    return (*_own_names(rig), *extra_names(rig))
 
 
 def _own_names(rig: Rig) -> tuple[str, ...]:
@@ -356,7 +356,7 @@ def measured(
             write=save if _can_write() else None,
         )
         found = yield from subprogress(steps, 0.0, MEASURED)
-    return found, (yield from subprogress(beside(context, rig), MEASURED, 1.0))
+    return found, (yield from subprogress(find_extras(context, rig), MEASURED, 1.0))
 
 
 def _can_write() -> bool:
@@ -369,7 +369,7 @@ def _can_write() -> bool:
 
 
 def write(
-    target: Path, rig: Rig, settings: Settings, found: WorkPrecision, beside: ReportExtras
+    target: Path, rig: Rig, settings: Settings, found: WorkPrecision, extras: ReportExtras
 ) -> tuple[str, ...]:
     """Write the report's files to a folder, all or none; returns their names.
 
@@ -388,11 +388,11 @@ def write(
     if view is not None:
         about["plate"] = asdict(view)
 
-    texts = [as_csv(found), as_json(found, about, beside.numbers), as_svg(found)]
+    texts = [as_csv(found), as_json(found, about, extras.numbers), as_svg(found)]
     plate = _array_plate(rig)
     if plate is not None:
         texts += [plate_csv(plate.array), plate_svg(plate.array, plate.name)]
-    files = dict(zip(_own_names(rig), texts, strict=True)) | beside.drawings
+    files = dict(zip(_own_names(rig), texts, strict=True)) | extras.drawings
 
     with disk.together(target, of=names(rig)) as scratch:
         for name, text in files.items():
@@ -444,11 +444,11 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
         with folder.made(target):
             if not (self.overwrite or scene.kiriko.export_overwrite):
                 folder.refuse_existing(target, names(rig), Message("set Overwrite"))
-            found, beside = yield from measured(context, rig, target, self.seconds)
-            files = write(target, rig, work.settings_of(scene), found, beside)
+            found, extras = yield from measured(context, rig, target, self.seconds)
+            files = write(target, rig, work.settings_of(scene), found, extras)
 
         write_ladder(scene, found.ladder)
-        missing = beside.missing()
+        missing = extras.missing()
         self.level = "WARNING" if missing else "INFO"
         text = Message("Wrote {names} to '{folder}'.", names=", ".join(files), folder=target)
         return joined([text, *missing])

@@ -62,18 +62,18 @@ def set_values(pairs: Iterable[tuple[str, str]]) -> list[Message]:
         There is no such property, or it cannot have the value.
     """
     pairs = list(pairs)
-    told = [_set(path, text) for path, text in pairs]
-    return [*told, *idle(path for path, _ in pairs)]
+    messages = [_set(path, text) for path, text in pairs]
+    return [*messages, *idle(path for path, _ in pairs)]
 
 
 def idle(paths: Iterable[str]) -> list[Message]:
     """A line on each property that another one disables, such as an index without Override IOR."""
-    told = []
+    messages = []
     for path in dict.fromkeys(paths):
         owner, name, _ = _found(path)
         if isinstance(owner, bpy.types.PropertyGroup) and not getattr(owner, f"use_{name}", True):
             switch = f"{path.rpartition('.')[0]}.use_{name}"
-            told.append(
+            messages.append(
                 Message(
                     "'{path}' has no effect while '{switch}' is off: set '{switch}' to true as"
                     " well",
@@ -81,7 +81,7 @@ def idle(paths: Iterable[str]) -> list[Message]:
                     switch=switch,
                 )
             )
-    return told
+    return messages
 
 
 def check_values(path: str, texts: Iterable[str]) -> None:

@@ -74,8 +74,8 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
             more=simulation_report(found),
         )
         result.seen_summary = text
-        kept = Sentences.read(result.sentences).by_text
-        result.sentences = Sentences({**kept, str(text): text}).text()
+        earlier = Sentences.read(result.sentences).by_text
+        result.sentences = Sentences({**earlier, str(text): text}).text()
         if not is_changed:
             return text
 

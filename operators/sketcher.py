@@ -73,7 +73,7 @@ class Sketched:
     edges : cached by mesh
     """
 
-    kept: PlaceCache = field(default_factory=PlaceCache)
+    places: PlaceCache = field(default_factory=PlaceCache)
     light: MeshCache = field(default_factory=MeshCache)
     drawing: SketchDrawing | None = None
     changed_at: float | None = field(default_factory=monotonic)
@@ -126,7 +126,7 @@ class Sketched:
         if self.changed_at is None or monotonic() < self.ended_at + pause:
             return False
         # a change of places only is usually short
-        lasted = self.lasted.get(self.kept.is_whole, 0.0 if self.kept.is_whole else HEAVY)
+        lasted = self.lasted.get(self.places.is_whole, 0.0 if self.places.is_whole else HEAVY)
         if lasted < HEAVY:
             return True
         wait = max(QUIET, SHARE * lasted) if is_held else QUIET
@@ -251,10 +251,10 @@ def begin(sketched: Sketched, window: bpy.types.Window) -> None:
         context = bpy.context
         context.view_layer.update()
         sketched.changed_at = None  # this reading includes the change reported by the update above
-        sketched.is_short = sketched.kept.is_whole
+        sketched.is_short = sketched.places.is_whole
         scene = context.scene
         try:
-            rig = read_places(context.evaluated_depsgraph_get(), scene, sketched.kept)
+            rig = read_places(context.evaluated_depsgraph_get(), scene, sketched.places)
         except KirikoError:
             rig = Rig(viewers=(), glasses=(), plates=(), displays=())
 
@@ -336,7 +336,7 @@ def _key(rig: Rig, *others: object) -> str:
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Note a change in Blender; the next reading decides whether it matters."""
     for sketched in _sketched.values():
-        sketched.kept.notice(depsgraph)
+        sketched.places.notice(depsgraph)
         sketched.touch()
 
 
@@ -344,7 +344,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 def on_undo(*_: object) -> None:
     """Drop cached meshes, which undo may have restored."""
     for sketched in _sketched.values():
-        sketched.kept = PlaceCache()
+        sketched.places = PlaceCache()
         sketched.touch()
 
 

@@ -153,7 +153,7 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
     if len(solution.channels) < 2:
         return ViewerReports({})
     if solution.settled is None and not solution.rig.has_own_images:
-        told = [
+        reports = [
             {
                 "viewer": channel.viewer.name,
                 "weight": channel.viewer.weight,
@@ -161,16 +161,16 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
             }
             for channel in solution.channels
         ]
-        told = sorted(told, key=lambda one: one["coverage"])
-        return ViewerReports({"viewers": told, **_of_pair(solution)})
+        reports = sorted(reports, key=lambda one: one["coverage"])
+        return ViewerReports({"viewers": reports, **_of_pair(solution)})
 
     off, in_light = yield from conflict_in_light(solution)
     found = yield from viewer_reports(solution, off)
-    is_asked = reduce(np.logical_or, (one.coverage.weight > 0 for one in solution.channels))
+    is_requested = reduce(np.logical_or, (one.coverage.weight > 0 for one in solution.channels))
     conflict = (
-        Conflict(solution.settled.conflict, is_asked, "px")
+        Conflict(solution.settled.conflict, is_requested, "px")
         if is_sharp(solution.rig, settings)
-        else Conflict(in_light, is_asked, "white")
+        else Conflict(in_light, is_requested, "white")
     )
     numbers = {
         "viewers": [asdict(one) for one in found],
@@ -221,7 +221,7 @@ def _finite(depth: float) -> float | None:
     return depth if np.isfinite(depth) else None
 
 
-def asked_for(scene: bpy.types.Scene, names: list[str]) -> list[str]:
+def viewers_requested(scene: bpy.types.Scene, names: list[str]) -> list[str]:
     """Viewers requested by name, or `all`; RigError for an unknown name."""
     known = [seat.camera.name for seat in seats_of(scene) if seat.camera is not None]
     if names == [ALL]:
@@ -238,14 +238,14 @@ def asked_for(scene: bpy.types.Scene, names: list[str]) -> list[str]:
 
 def file_names(scene: bpy.types.Scene, names: list[str]) -> dict[str, str]:
     """Files of the requested viewers, by image."""
-    asked, known = asked_for(scene, names), asked_for(scene, [ALL])
+    requested, known = viewers_requested(scene, names), viewers_requested(scene, [ALL])
     found = {
         f"{kind} {name}": f"{kind}_{of_name}.png"
         for name, of_name in zip(known, names_for(known), strict=True)
         for kind in ("ideal", "seen")
-        if name in asked
+        if name in requested
     }
-    return {**found, CONFLICT: "conflict.exr"} if asked else {}
+    return {**found, CONFLICT: "conflict.exr"} if requested else {}
 
 
 def images_of(
@@ -255,23 +255,23 @@ def images_of(
 
     Yields progress 0..1.
     """
-    asked = asked_for(scene, names)
+    requested = viewers_requested(scene, names)
     found = {}
     for channel in solution.channels:
         name = channel.viewer.name
-        if name in asked:
+        if name in requested:
             yield from channel.trace_stray_light()
             found[f"ideal {name}"] = channel.ideal()
             seeing = channel.seeing(solution.source, beside=True)
             found[f"seen {name}"] = yield from hold_progress(1.0, seeing)
-    if asked and conflict is not None:
+    if requested and conflict is not None:
         found[CONFLICT] = conflict.of_pixel.astype(np.float32)
     return found
 
 
 def choose_alone(scene: bpy.types.Scene, name: str) -> None:
     """Turn all other viewers off; RigError if none of this name is on."""
-    asked_for(scene, [name])
+    viewers_requested(scene, [name])
     listed = scene.kiriko.viewers
     for n, one in enumerate(listed):
         camera = camera_at(scene, n)

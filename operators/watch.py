@@ -18,7 +18,7 @@ from ..core.base.messages import Message
 from ..core.blender.data.image import is_out_of_date
 from ..core.blender.data.rigs import rigs
 from ..core.blender.read.shapes import ShapeCache
-from ..core.blender.result.result_images import images_of, read_images_anew
+from ..core.blender.result.result_images import images_of, read_images_again
 from ..core.solve.solved_for import SolvedFor, from_text
 from . import chosen, live, telling, windows, work
 from . import outdated_surfaces as surfaces
@@ -42,7 +42,7 @@ class Watched:
     lasted : s of the last reading, if only places and settings had changed, and otherwise
     """
 
-    kept: ShapeCache = field(default_factory=ShapeCache)
+    shapes: ShapeCache = field(default_factory=ShapeCache)
     ours: frozenset[int] = frozenset()
     polled: chosen.Polled = field(default_factory=chosen.Polled)
     verdicts: dict[str, bool] = field(default_factory=dict)
@@ -66,42 +66,42 @@ class Watched:
     @property
     def is_due(self) -> bool:
         """Whether it has been quiet for long enough after a change."""
-        wait = max(QUIET, SHARE * self.lasted.get(self.kept.is_whole, 0.0))
+        wait = max(QUIET, SHARE * self.lasted.get(self.shapes.is_whole, 0.0))
         return self.changed_at is not None and monotonic() - self.changed_at >= wait
 
 
 _watched: dict[int, Watched] = {}  # by session uid of the scene
 
 
-def has_changed(context: bpy.types.Context, kept: ShapeCache | None = None) -> bool:
+def has_changed(context: bpy.types.Context, shapes: ShapeCache | None = None) -> bool:
     """Whether the scene, read now, differs from the one the result was solved for.
 
     A result without a record counts as current. A scene that cannot be read has changed.
     """
-    return is_another(context.scene.kiriko.result.solved_for, work.scene_now, context, kept)
+    return is_another(context.scene.kiriko.result.solved_for, work.scene_now, context, shapes)
 
 
 def has_rig_changed(
-    context: bpy.types.Context, made_for: str, kept: ShapeCache | None = None
+    context: bpy.types.Context, made_for: str, shapes: ShapeCache | None = None
 ) -> bool:
     """Whether the rig, read now, differs from the one a surface was made for; like
     `has_changed`.
     """
-    return is_another(made_for, work.rig_now, context, kept)
+    return is_another(made_for, work.rig_now, context, shapes)
 
 
 def is_another(
     text: str,
     now: Callable[[bpy.types.Context, ShapeCache | None], SolvedFor],
     context: bpy.types.Context,
-    kept: ShapeCache | None,
+    shapes: ShapeCache | None,
 ) -> bool:
     """Whether the scene differs from a fingerprint; False if the text is not a fingerprint."""
     before = from_text(text)
     if before is None:
         return False
     try:
-        return not before.is_same(now(context, kept))
+        return not before.is_same(now(context, shapes))
     except KirikoError:
         return True
 
@@ -179,13 +179,13 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
         started = perf_counter()
         context.view_layer.update()
         watched.changed_at = None  # the reading includes the change that triggered it
-        is_short = watched.kept.is_whole
+        is_short = watched.shapes.is_whole
         result = context.scene.kiriko.result
         others = (rig.kiriko.result.solved_for for rig in rigs(context.scene))
-        kept = {text: watched.verdicts[text] for text in others if text in watched.verdicts}
-        verdicts = {**kept, result.solved_for: has_changed(context, watched.kept)}
+        unchanged = {text: watched.verdicts[text] for text in others if text in watched.verdicts}
+        verdicts = {**unchanged, result.solved_for: has_changed(context, watched.shapes)}
         for text in surfaces.rigs_made_for(context.scene):
-            verdicts[text] = has_rig_changed(context, text, watched.kept)
+            verdicts[text] = has_rig_changed(context, text, watched.shapes)
         context.view_layer.update()
         watched.changed_at = None  # triggered by objects that reading itself made and removed
         watched.lasted[is_short] = perf_counter() - started
@@ -198,7 +198,7 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Note a change evaluated by Blender; reading decides whether it matters."""
     for watched in _watched.values():
-        watched.kept.notice(depsgraph, watched.ours)
+        watched.shapes.notice(depsgraph, watched.ours)
         watched.touch()
 
 
@@ -207,9 +207,9 @@ def on_undo(*_: object) -> None:
     """Handle undo, which may restore cached shapes and pixels."""
     work.forget_written()
     for watched in _watched.values():
-        watched.kept = ShapeCache()
+        watched.shapes = ShapeCache()
         watched.touch()
-    read_images_anew()
+    read_images_again()
 
 
 @persistent

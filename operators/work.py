@@ -8,7 +8,7 @@ import bpy
 from ..core.blender.read import scene as blender_scene
 from ..core.blender.read.shapes import ShapeCache
 from ..core.blender.result import scene_fingerprint as blender_solved_for
-from ..core.blender.result.result_images import lacks_numbers
+from ..core.blender.result.result_images import is_missing_numbers
 from ..core.native import loading
 from ..core.rig.settings import Settings
 from ..core.solve.session import Session
@@ -51,7 +51,7 @@ def note_written(scene: bpy.types.Scene) -> None:
 def is_written(scene: bpy.types.Scene, solved_for: str) -> bool:
     """Whether a scene's result is complete and belongs to a scene, with nothing undone since."""
     result = scene.kiriko.result
-    is_whole = not result.is_coarse and not lacks_numbers(result)
+    is_whole = not result.is_coarse and not is_missing_numbers(result)
     is_of_it = _written.get(scene.session_uid) == result.solved_for == solved_for
     return is_of_it and is_whole and result.source is not None
 
@@ -110,28 +110,28 @@ def is_busy() -> bool:
     return bool(_running) or bpy.app.is_job_running("RENDER")
 
 
-def read(context: bpy.types.Context, kept: ShapeCache | None = None) -> Any:
+def read(context: bpy.types.Context, shapes: ShapeCache | None = None) -> Any:
     """The scene, read as evaluated now."""
     context.view_layer.update()
-    return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
+    return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, shapes)
 
 
-def scene_now(context: bpy.types.Context, kept: ShapeCache | None = None) -> SolvedFor:
+def scene_now(context: bpy.types.Context, shapes: ShapeCache | None = None) -> SolvedFor:
     """Fingerprint of the scene as it is now."""
     context.view_layer.update()
     scene = context.scene
     return blender_solved_for.scene_now(
-        context.evaluated_depsgraph_get(), scene, settings_of(scene), kept
+        context.evaluated_depsgraph_get(), scene, settings_of(scene), shapes
     )
 
 
-def rig_now(context: bpy.types.Context, kept: ShapeCache | None = None) -> SolvedFor:
+def rig_now(context: bpy.types.Context, shapes: ShapeCache | None = None) -> SolvedFor:
     """Fingerprint of the rig as it is now, without what is painted."""
     context.view_layer.update()
     scene = context.scene
     settings = settings_of(scene).of_optics
     return blender_solved_for.scene_now(
-        context.evaluated_depsgraph_get(), scene, settings, kept, has_pixels=False
+        context.evaluated_depsgraph_get(), scene, settings, shapes, has_pixels=False
     )
 
 

@@ -6,7 +6,7 @@ import bpy
 
 from ..core.base.messages import Message, as_message, joined
 from ..core.blender.data.stored_records import Offset, Sentences, StoredNumbers
-from ..operators.calibrate import TELLS, TEXTS
+from ..operators.calibrate import DETERMINED, TEXTS
 from ..operators.wrapping import sentence
 from .panel_text import Closed, OfRig, with_labels
 
@@ -100,7 +100,7 @@ class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
             )
             sentence(layout, context, text, icon="DOT")
 
-        n_measured = sum(entry["error"] < TELLS * entry["tolerance"] for entry in amounts)
+        n_measured = sum(entry["error"] < DETERMINED * entry["tolerance"] for entry in amounts)
         text = Message(
             "The photograph measures {n} of {n_all} errors.", n=n_measured, n_all=len(amounts)
         )

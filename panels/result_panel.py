@@ -7,7 +7,7 @@ from ..core.base.numbers import number
 from ..core.base.words import percent, pixels, shares_in_words
 from ..core.blender.data.stored_records import Sentences, StoredNumbers
 from ..core.blender.read.elements import DEFAULT, OVERRIDE
-from ..core.blender.result.result_images import images_of, lacks_numbers
+from ..core.blender.result.result_images import images_of, is_missing_numbers
 from ..core.solve.legibility import READABLE
 from ..operators import live, needed, proposal, watch, work
 from ..operators.telling import in_words
@@ -45,7 +45,7 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
         layout = self.layout
         result = context.scene.kiriko.result
         sentences = Sentences.read(result.sentences)
-        is_unmeasured = lacks_numbers(result)
+        is_unmeasured = is_missing_numbers(result)
         if result.is_coarse or is_unmeasured:
             if work.is_busy() or watch.is_followed(context.scene):
                 text, icon = needed.MEASURING if is_unmeasured else needed.COMING, "INFO"

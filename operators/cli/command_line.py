@@ -382,13 +382,13 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
 
     yield Message("measuring '{file}'", file=Path(bpy.data.filepath).name)
-    found, beside = yield from to_folder.told_in_tenths(
+    found, extras = yield from to_folder.progress_in_tenths(
         report.measured(bpy.context, rig, arguments.out, arguments.seconds)
     )
-    files = report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found, beside)
+    files = report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found, extras)
     yield from report.table(found).splitlines()
-    yield from beside.lines(bpy.context.scene)
-    yield from beside.missing(str)
+    yield from extras.lines(bpy.context.scene)
+    yield from extras.missing(str)
     yield Message("wrote {n} files to '{folder}'", n=len(files), folder=arguments.out)
 
 
@@ -409,7 +409,7 @@ def _maps(arguments: argparse.Namespace) -> Generator[str, None, None]:
     formats = tuple(name for name in FORMATS if name.lower() in arguments.formats)
     options = MapOptions(formats, arguments.overscan, arguments.times, arguments.mesh_step)
     yield Message("mapping '{file}'", file=Path(bpy.data.filepath).name)
-    about = yield from to_folder.told_in_tenths(
+    about = yield from to_folder.progress_in_tenths(
         export_maps.exported(
             bpy.context, arguments.out, options, arguments.overwrite, "add --overwrite"
         )
@@ -440,7 +440,9 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
         file=Path(bpy.data.filepath).name,
         measured=arguments.measured.name,
     )
-    yield (yield from to_folder.told_in_tenths(calibrated(context, reading, arguments.measured)))
+    yield (
+        yield from to_folder.progress_in_tenths(calibrated(context, reading, arguments.measured))
+    )
     yield from to_folder.solve(arguments)
     disk.write_text(details, json.dumps(StoredNumbers.read(ours.found).by_name, indent=2) + "\n")
 

@@ -8,7 +8,7 @@ import bpy
 
 from .. import bench_drawing, export_maps, folder, report, set_value, viewer_images, work
 from ..choose_rig import choose_by_name
-from ..viewer_reports import asked_for, naming_rig
+from ..viewer_reports import viewers_requested, naming_rig
 from . import to_folder
 
 
@@ -28,9 +28,9 @@ def _check_active(arguments: argparse.Namespace) -> None:
     scene, given = bpy.context.scene, vars(arguments)
     # Not read here: another frame may have parts that this one does not.
     is_changed = given.get("frames") is not None
-    asked_for(scene, given.get("viewers", []))
+    viewers_requested(scene, given.get("viewers", []))
     if given.get("only_viewer") is not None:
-        asked_for(scene, [arguments.only_viewer])
+        viewers_requested(scene, [arguments.only_viewer])
         is_changed = True
     if given.get("pictures"):
         viewer_images.check_images(scene, arguments.pictures)

@@ -17,7 +17,7 @@ from .. import export_job
 from ..choose_rig import choose_by_name
 from ..export_job import check_rigs
 from ..set_value import check_values, idle
-from ..viewer_reports import ALL, asked_for
+from ..viewer_reports import ALL, viewers_requested
 from . import to_folder
 from .usage import VALUES, as_is, path
 
@@ -109,7 +109,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if arguments.viewers:
         if arguments.rig == ALL:
             raise export_job.viewers_of_all("name it by --rig")
-        viewers = asked_for(context.scene, arguments.viewers)
+        viewers = viewers_requested(context.scene, arguments.viewers)
         job = replace(job, viewers=export_job.choices(viewers))
 
     job.check()

@@ -53,16 +53,16 @@ def file_names(arguments: argparse.Namespace) -> dict[str, Path]:
     return {image: arguments.out / name for image, name in names.items()}
 
 
-def told_in_tenths(steps: Generator[float, None, Result]) -> Generator[str, None, Result]:
+def progress_in_tenths(steps: Generator[float, None, Result]) -> Generator[str, None, Result]:
     """Run long work; yields a line for every tenth of it."""
-    told = 0
+    reported = 0
     while True:
         try:
             done = int(10 * next(steps))
         except StopIteration as end:
             return end.value
-        if done > told:
-            told = done
+        if done > reported:
+            reported = done
             yield f"{10 * done} %"
 
 
@@ -82,15 +82,15 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     reading = look_over.read_to_solve(context)
     yield Message("solving '{file}'", file=Path(bpy.data.filepath).name)
     settings = work.settings_of(scene)
-    solution = yield from told_in_tenths(work.session().solve(reading.rig, settings))
+    solution = yield from progress_in_tenths(work.session().solve(reading.rig, settings))
     text = write_solution(scene, reading, solution)
     yield text
-    told = yield from told_in_tenths(viewer_reports.reports_of(solution, settings))
-    write_viewers(scene, told.numbers)
-    yield from viewer_reports.lines(scene, told.numbers)
+    reports = yield from progress_in_tenths(viewer_reports.reports_of(solution, settings))
+    write_viewers(scene, reports.numbers)
+    yield from viewer_reports.lines(scene, reports.numbers)
 
     yield "looking beside the glass"
-    yield from told_in_tenths(solution.trace_stray_light())
+    yield from progress_in_tenths(solution.trace_stray_light())
 
     size = tuple(reading.display_size) if reading.display_size is not None else None
     jobs: list[tuple[str, np.ndarray, str, tuple[float, float] | None]] = [
@@ -102,8 +102,8 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if "linear" in files:
         jobs.append(("linear", solution.source, "EXR_FLOAT", size))
     numbers = _numbers(scene, text)
-    of_viewers = viewer_reports.images_of(solution, scene, arguments.viewers, told.conflict)
-    for image, shown in (yield from told_in_tenths(of_viewers)).items():
+    of_viewers = viewer_reports.images_of(solution, scene, arguments.viewers, reports.conflict)
+    for image, shown in (yield from progress_in_tenths(of_viewers)).items():
         is_of_display = image == viewer_reports.CONFLICT
         form = "EXR_FLOAT" if is_of_display else "PNG8"
         jobs.append((image, shown, form, size if is_of_display else None))
@@ -119,7 +119,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if arguments.simulate:
         yield "simulating the plate's mirrors"
         plan = work.session().plan(reading.rig, settings)
-        found = yield from told_in_tenths(simulate(plan, solution.source, arguments.simulate))
+        found = yield from progress_in_tenths(simulate(plan, solution.source, arguments.simulate))
         jobs.append(("simulated", found.image, "PNG8", None))
         numbers["simulated"] = {
             "rays_a_pixel": found.spp,
@@ -240,8 +240,8 @@ def _card(text: str) -> float:
 
 def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, Path]:
     """Files of the requested frames."""
-    asked = arguments.frames
-    numbers = frames_of_range(scene) if asked == SCENE else frames_of(asked)
+    requested = arguments.frames
+    numbers = frames_of_range(scene) if requested == SCENE else frames_of(requested)
     return frame_files(scene, arguments.out, name_of(arguments), arguments.format, numbers)
 
 
@@ -280,7 +280,7 @@ def solve_frames(arguments: argparse.Namespace) -> Generator[str, None, None]:
     tally = frames.Tally()
 
     if arguments.movie is None:
-        yield from told_in_tenths(frames.solved(context, run, tally))
+        yield from progress_in_tenths(frames.solved(context, run, tally))
         if tally.failed:
             raise RigError("{told}", told=tally.sentence(arguments.out))
         yield tally.sentence(arguments.out)
@@ -288,6 +288,6 @@ def solve_frames(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     wish = wish_of(arguments, context.scene)
     steps = frames.made(context, run, wish, tally, "add --overwrite")
-    yield from told_in_tenths(steps)
+    yield from progress_in_tenths(steps)
     yield tally.sentence(arguments.out)
     yield frames.movie_report(wish, run)

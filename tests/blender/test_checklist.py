@@ -535,7 +535,7 @@ def test_a_loss_that_nothing_near_by_mends_asks_to_turn_the_glass(core: ModuleTy
     assert [button.operator for button in glass.buttons] == ["kiriko.turn_back"]
 
 
-@pytest.mark.parametrize("state", ["is_stale", "is_coarse", "lacks_numbers"])
+@pytest.mark.parametrize("state", ["is_stale", "is_coarse", "is_missing_numbers"])
 def test_an_old_result_is_solved_again(core: ModuleType, state: str) -> None:
     """Its losses are not those of the scene as it is, and are not told; while Live follows, the
     final image comes by itself.

@@ -49,10 +49,10 @@ def test_an_example_is_framed_after_the_question_whether_to_save(scene, tmp_path
     monkeypatch.setattr(module, "frame_soon", lambda: framed.append(1))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
 
-    module._asked[:] = ["BALL"]  # as while Blender asks
+    module._requested[:] = ["BALL"]  # as while Blender asks
     bpy.ops.wm.read_homefile(filepath=str(module.path_of("BALL")), load_ui=False)
     assert framed == [1]
-    module._asked[:] = ["BALL"]
+    module._requested[:] = ["BALL"]
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "mine.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert framed == [1]

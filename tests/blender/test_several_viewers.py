@@ -502,13 +502,13 @@ def test_two_that_are_no_pair_are_told_so_in_a_report(
     turned.rotation_euler.z += 0.9
     add(turned)
     monkeypatch.setattr(module, "_has", lambda check, of_rig: False)
-    found = steps.run_steps(module.beside(bpy.context, read(kiriko)))
+    found = steps.run_steps(module.find_extras(bpy.context, read(kiriko)))
     assert list(found.numbers) == ["missing"]  # the turned one does not see the picture, either
     assert list(found.numbers["missing"]) == ["two_eyes", "viewers"]
     assert "direction" in found.numbers["missing"]["two_eyes"]
 
     bpy.ops.kiriko.two_eyes()
-    found = steps.run_steps(module.beside(bpy.context, read(kiriko)))
+    found = steps.run_steps(module.find_extras(bpy.context, read(kiriko)))
     assert list(found.numbers["missing"]) == ["viewers"]  # three are asked for no depth
 
 

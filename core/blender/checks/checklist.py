@@ -229,7 +229,7 @@ def _on_result(seen: Inspection, length_text: Callable[[float], str]) -> Iterato
     """Entries on the result: missing, rough, out of date or incomplete."""
     if seen.missing:
         return
-    if seen.is_coarse or seen.is_stale or seen.lacks_numbers:
+    if seen.is_coarse or seen.is_stale or seen.is_missing_numbers:
         if not seen.is_followed:
             yield _solve(seen)
         return

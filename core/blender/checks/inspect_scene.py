@@ -39,7 +39,7 @@ from ..read.plane import check_shown, image_of, own_materials
 from ..read.read_mesh import column, mesh_of, used_slots
 from ..read.scene_picture import check_at
 from ..read.shapes import used_materials
-from ..result.result_images import lacks_numbers
+from ..result.result_images import is_missing_numbers
 from .faults import counts_of
 from .to_do import FaultCounts, Inspection, Named, Thing
 
@@ -105,7 +105,7 @@ def inspect(
         legible_by=tuple(Help(**help) for help in numbers.get("legible_by", ())),
         is_doubled=len(found.get("DISPLAY", ())) > 1 and is_doubled(scene),
         is_coarse=result.is_coarse,
-        lacks_numbers=lacks_numbers(result),
+        is_missing_numbers=is_missing_numbers(result),
         is_stale=is_stale,
         is_solved=is_solved,
         for_most=0.0 if is_solved or not result.summary else result.for_most,

@@ -124,7 +124,7 @@ class Inspection:
     helps : measured remedies, the most effective first; None if none were measured
     legibility : of the picture, 0..1, by the last result; None if not computed
     legible_by : measured remedies for it, the most effective first
-    lacks_numbers : the source image is final, but has no figures yet
+    is_missing_numbers : the source image is final, but has no figures yet
     is_doubled : the rig has copies of its display and picture
     for_most : m, the longest side of a new rig's display for most of its light; 0 if not computed
     is_followed : Live follows the scene, so the final image comes by itself
@@ -147,7 +147,7 @@ class Inspection:
     legible_by: tuple[Help, ...] = ()
     is_doubled: bool = False
     is_coarse: bool = False
-    lacks_numbers: bool = False
+    is_missing_numbers: bool = False
     is_stale: bool = False
     is_solved: bool = False
     for_most: float = 0.0

@@ -11,7 +11,7 @@ from ...files.image_io import FORMATS, SUFFIXES
 
 
 @contextmanager
-def frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
+def frame_restored(scene: bpy.types.Scene) -> Iterator[None]:
     """Restore a scene's frame and subframe at the end."""
     frame, part = scene.frame_current, scene.frame_subframe
     try:

@@ -15,12 +15,12 @@ def images_of(result: bpy.types.PropertyGroup) -> list[bpy.types.Image]:
     return [image for image in found if image is not None]
 
 
-def lacks_numbers(result: bpy.types.PropertyGroup) -> bool:
+def is_missing_numbers(result: bpy.types.PropertyGroup) -> bool:
     """Whether a result's source image is final while its figures are still to come."""
     return result.source is not None and not result.is_coarse and not result.summary
 
 
-def read_images_anew() -> None:
+def read_images_again() -> None:
     """Reload the images of all results from their packed files, after undo.
 
     An undo step made while Live had unpacked pixels has the figures of those pixels: its result

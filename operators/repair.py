@@ -30,8 +30,8 @@ WALL = 0.03  # of its width: the walls of a vessel that is drawn as one surface
 SHARP = radians(30)
 
 
-class MendsPart(NamesPart):
-    """Mix-in for an operator that repairs an object: `mend` does it and returns the report.
+class RepairsPart(NamesPart):
+    """Mix-in for an operator that repairs an object: `repair` does it and returns the report.
 
     may_be_linked : whether it works on an object of another file as well
     """
@@ -39,7 +39,7 @@ class MendsPart(NamesPart):
     bl_options = {"REGISTER", "UNDO"}
     may_be_linked = False
 
-    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+    def repair(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -47,7 +47,7 @@ class MendsPart(NamesPart):
             thing = self.found(context)
             if not self.may_be_linked:
                 _check_own(thing, thing)
-            telling.report(self, "INFO", self.mend(context, thing))
+            telling.report(self, "INFO", self.repair(context, thing))
             work.forget_report(context.scene)
             return {"FINISHED"}
 
@@ -69,24 +69,24 @@ def _check_faces(thing: bpy.types.Object, has_faces: object) -> None:
         )
 
 
-class KIRIKO_OT_leave_out(MendsPart, bpy.types.Operator):
+class KIRIKO_OT_leave_out(RepairsPart, bpy.types.Operator):
     """Take this object out of the rig; it stays in the scene"""
 
     bl_idname = "kiriko.leave_out"
     bl_label = "Leave Out"
 
-    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+    def repair(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         thing.kiriko.role = "NONE"
         return Message("'{name}' is no longer in the rig.", name=thing.name)
 
 
-class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
+class KIRIKO_OT_thicken(RepairsPart, bpy.types.Operator):
     """Give a flat or open object thickness with a Solidify modifier"""
 
     bl_idname = "kiriko.thicken"
     bl_label = "Thicken"
 
-    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+    def repair(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type not in {"MESH", "CURVE", "SURFACE", "FONT"}:
             raise RigError(
                 "'{name}' isn't a mesh: convert it with Object > Convert > Mesh.", name=thing.name
@@ -104,23 +104,23 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
         )
 
 
-class MendsMesh(MendsPart):
+class RepairsMesh(RepairsPart):
     """Mix-in for an operator that changes an object's own faces with Blender's mesh operators.
 
-    `mend_mesh` does it and returns the report.
+    `repair_mesh` does it and returns the report.
     """
 
-    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
+    def repair_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         raise NotImplementedError
 
-    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+    def repair(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type != "MESH":
             raise MeshError(
                 "'{name}' isn't a mesh: convert it with Object > Convert > Mesh.", name=thing.name
             )
         _check_own(thing, thing.data)
         _check_faces(thing, thing.data.polygons)
-        return self.mend_mesh(thing, thing.data)
+        return self.repair_mesh(thing, thing.data)
 
 
 @contextmanager
@@ -176,13 +176,13 @@ def _mark_sharp(mesh: bpy.types.Mesh) -> None:
     mesh.update()
 
 
-class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
+class KIRIKO_OT_fill_holes(RepairsMesh, bpy.types.Operator):
     """Merge by distance and fill all holes, including the mouth of a vessel"""
 
     bl_idname = "kiriko.fill_holes"
     bl_label = "Fill Holes"
 
-    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
+    def repair_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         _merge(mesh)
         with _edited(mesh) as shape:
             holes = [edge for edge in shape.edges if edge.is_boundary]
@@ -194,24 +194,24 @@ class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
         return Message("Closed all holes of '{name}'.", name=thing.name)
 
 
-class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
+class KIRIKO_OT_turn_out(RepairsMesh, bpy.types.Operator):
     """Recalculate normals so that all faces point outward"""
 
     bl_idname = "kiriko.turn_out"
     bl_label = "Recalculate Normals"
 
-    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
+    def repair_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         _turn_out(mesh)
         return Message("The faces of '{name}' now point outward.", name=thing.name)
 
 
-class KIRIKO_OT_shade_smooth(MendsMesh, bpy.types.Operator):
+class KIRIKO_OT_shade_smooth(RepairsMesh, bpy.types.Operator):
     """Merge by distance, recalculate normals, and shade smooth below 30 degrees"""
 
     bl_idname = "kiriko.shade_smooth"
     bl_label = "Shade Smooth"
 
-    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
+    def repair_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         _clear_normals(mesh)
         _merge(mesh)
         _turn_out(mesh)
@@ -220,7 +220,7 @@ class KIRIKO_OT_shade_smooth(MendsMesh, bpy.types.Operator):
         return Message("'{name}' is now shaded smooth.", name=thing.name)
 
 
-class KIRIKO_OT_smooth_glass(MendsMesh, bpy.types.Operator):
+class KIRIKO_OT_smooth_glass(RepairsMesh, bpy.types.Operator):
     """Smooth bumps that scatter the picture with a Smooth modifier, and shade smooth"""
 
     bl_idname = "kiriko.smooth_glass"
@@ -234,7 +234,7 @@ class KIRIKO_OT_smooth_glass(MendsMesh, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
+    def repair_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         _clear_normals(mesh)
         _merge(mesh)
         _turn_out(mesh)
