@@ -325,7 +325,7 @@ def _on_display(
             text=text,
         ), 0.0
 
-    is_cut = spread.beside_weight.sum() > CUT
+    is_cut = spread.off_display_weight.sum() > CUT
     shorter_side = proposal.display / max(aspect, 1.0)
     if not limit or not (is_cut or shorter_side > WIDE * proposal.picture):
         return text, 0.0

@@ -262,7 +262,7 @@ def images_of(
         if name in requested:
             yield from channel.trace_stray_light()
             found[f"ideal {name}"] = channel.ideal()
-            seeing = channel.seeing(solution.source, beside=True)
+            seeing = channel.seeing(solution.source, past_glass=True)
             found[f"seen {name}"] = yield from hold_progress(1.0, seeing)
     if requested and conflict is not None:
         found[CONFLICT] = conflict.of_pixel.astype(np.float32)

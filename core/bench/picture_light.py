@@ -242,14 +242,14 @@ class Spread:
 
     across : (n, 2) m, along the display's width and height, from its centre to the landings
     weight : (n,) fraction of the picture
-    beside_weight : (m,) fraction of the picture whose light misses the display on its plane
+    off_display_weight : (m,) fraction of the picture whose light misses the display on its plane
     lost : fractions of the visible picture that do not arrive, by reason
     leaked : fraction of the picture that arrives through gaps in open glass
     """
 
     across: Floats
     weight: Floats
-    beside_weight: Floats
+    off_display_weight: Floats
     lost: dict[str, float]
     leaked: float
 
@@ -342,11 +342,11 @@ def spread_in(light: Light, area: Floats, display_frame: Floats) -> Spread:
     weight = seen / max(seen.sum(), np.finfo(float).tiny)
     across = (light.positions - display_frame[:3, 3]) @ display_frame[:3, :2]
     arrived = light.has_arrived
-    beside = light.is_seen & (light.reason == Reason.MISSED_DISPLAY)
+    off_display = light.is_seen & (light.reason == Reason.MISSED_DISPLAY)
     return Spread(
         across=across[arrived],
         weight=weight[arrived],
-        beside_weight=weight[beside],
+        off_display_weight=weight[off_display],
         lost=light.lost(weight),
         leaked=float(weight[arrived & light.has_leaked].sum()),
     )

@@ -217,7 +217,8 @@ def _part_at(places: Floats) -> Ints:
     return row * HATCH.n_grid + column
 
 
-BESIDE = 1.2  # distance of dimension lines from the centre, relative to half the glass's width
+# distance of dimension lines from the centre, relative to half the glass's width
+DIMENSION_DISTANCE = 1.2
 LEAST_TURN = 1e-6  # sine of the angle below which two lines count as parallel
 
 
@@ -233,11 +234,11 @@ class Station(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Dimension:
-    """Distance between two places (3,), m, drawn at an offset `beside` (3,)."""
+    """Distance between two places (3,), m, drawn at `offset` (3,), m, from it."""
 
     start: Floats
     end: Floats
-    beside: Floats
+    offset: Floats
 
     @property
     def length(self) -> float:
@@ -335,7 +336,7 @@ def dimensions_between(stations: list[Station]) -> tuple[Dimension, ...]:
 
     reach = 0.1 * np.linalg.norm(lines[0])
     if glass is not None:
-        reach = BESIDE * np.ptp(glass.vertices[np.unique(glass.triangles)] @ across) / 2
+        reach = DIMENSION_DISTANCE * np.ptp(glass.vertices[np.unique(glass.triangles)] @ across) / 2
     return tuple(Dimension(start, end, reach * across) for start, end in pairs)
 
 

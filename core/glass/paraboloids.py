@@ -27,7 +27,7 @@ class Paraboloids(CurvedFaces):
     first: int = 0
 
     @classmethod
-    def beside(cls, faces: CurvedFaces, is_bent: Bools, corner_normals: Floats) -> "Paraboloids":
+    def added_to(cls, faces: CurvedFaces, is_bent: Bools, corner_normals: Floats) -> "Paraboloids":
         """Curved faces plus paraboloids over flat triangles with bent (t,) normals at their corners
         (t, 3, 3).
         """

@@ -90,7 +90,7 @@ def _joined_orientations(edges: Edges, n: int) -> tuple[Ints, Ints]:
     return label[:n], label[n:]
 
 
-def turned_beside(triangles: Ints) -> Bools:
+def find_turned(triangles: Ints) -> Bools:
     """Mask of triangles (t, 3) that face the other way than most of their shell; none on a
     one-sided surface.
     """

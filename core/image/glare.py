@@ -36,30 +36,32 @@ class StrayLight:
     view : (n, 2) viewer px
     pixel : (n,) of the display, row by row
     throughput : (n,)
-    is_beside : (n,) past the glass
+    is_past_glass : (n,) past the glass
     """
 
     view: Floats
     pixel: Ints
     throughput: Floats
-    is_beside: NDArray[np.bool_]
+    is_past_glass: NDArray[np.bool_]
 
     def seen_of(self, shown: NDArray[np.float32]) -> Glare:
         """The glare of the display's light (H, W, 3), linear."""
         colours = shown.reshape(-1, 3)[self.pixel].astype(float)
         light = dot(colours, LUMINANCE) * self.throughput
-        beside = light * self.is_beside
+        past_glass = light * self.is_past_glass
         total = light.sum()
-        if not total or not beside.sum():
+        if not total or not past_glass.sum():
             return Glare(0.0, "")
-        return Glare(float(beside.sum() / total), self._where(light - beside, beside))
+        return Glare(float(past_glass.sum() / total), self._where(light - past_glass, past_glass))
 
-    def _where(self, through: Floats, beside: Floats) -> Message:
+    def _where(self, through: Floats, past_glass: Floats) -> Message:
         """The side of the glass with most of the glare."""
         if not through.sum():
             return AROUND
 
-        middle, off = (np.average(self.view, axis=0, weights=light) for light in (through, beside))
+        middle, off = (
+            np.average(self.view, axis=0, weights=light) for light in (through, past_glass)
+        )
         spread = np.sqrt(np.average(((self.view - middle) ** 2).sum(axis=1), weights=through))
         x, y = (off - middle) / max(spread, 1.0)
         sides = {
@@ -90,11 +92,11 @@ def trace_stray_light(plan: Plan, seed: int = 0) -> Steps[StrayLight]:
 
     size = plan.rig.display.width, plan.rig.display.height
     is_through, pixel = landings.pixels(*size)
-    is_beside, beside = landings.pixels_beside(*size)
-    is_seen = is_through | is_beside
+    is_past_glass, past_pixel = landings.pixels_past_glass(*size)
+    is_seen = is_through | is_past_glass
     return StrayLight(
         view[landings.sample[is_seen]],
-        (pixel + beside)[is_seen],
+        (pixel + past_pixel)[is_seen],
         landings.throughput[is_seen],
-        is_beside[is_seen],
+        is_past_glass[is_seen],
     )

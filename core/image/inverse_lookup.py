@@ -17,7 +17,7 @@ from .flat_picture import flat_mapping
 
 # weight of a share outside the picture, relative to one within: it only counts in pixels that show
 # nothing of the picture
-BESIDE = 1e-12
+OUTSIDE_WEIGHT = 1e-12
 REACH = 1.0  # places are clipped to this many sides of the picture around it
 
 
@@ -81,7 +81,7 @@ class InverseLookup:
         is_before = w > 0  # else it looks away from the picture's plane
         low, high = mapping.low[:, None], mapping.high[:, None]
         is_within = ((xy >= low) & (xy <= high)).all(axis=0)
-        weight = np.where(is_within, 1.0, BESIDE) * shares.weight * is_before
+        weight = np.where(is_within, 1.0, OUTSIDE_WEIGHT) * shares.weight * is_before
         add_at(self._weight, shares.display_index, weight)
         area = shares.display_area * is_before
         for total, some in zip(self._area, (area, area * is_within), strict=True):

@@ -54,8 +54,8 @@ def _passes_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
     """Whether light passed by the glass, met the plate if one is required, and the settings follow
     such light.
     """
-    is_beside = (rays.reason[i] == Reason.MISSED_GLASS) & plan.settings.looks_beside
-    return is_beside & (rays.has_met_plate[i] | (not plan.needs_plate))
+    is_past_glass = (rays.reason[i] == Reason.MISSED_GLASS) & plan.settings.looks_past_glass
+    return is_past_glass & (rays.has_met_plate[i] | (not plan.needs_plate))
 
 
 def give_reasons(

@@ -187,7 +187,7 @@ def _make_plan(plan: Plan) -> Made | None:
         max_events=min(settings.max_events, FOR_EVER),
         only_through_glass=bool(settings.only_through_glass),
         needs_plate=plan.needs_plate,
-        looks_beside=bool(settings.looks_beside),
+        looks_beside=bool(settings.looks_past_glass),
         brightness=bool(settings.brightness),
         has_plane=plane is not None,
         is_by_glass=plan.display.is_by_glass,
@@ -361,7 +361,7 @@ def state_of(
         made.set(n_rays=paths.met.shape[1], n_steps=len(paths.met))
 
     made.point("is_reached", is_reached, np.uint8)
-    made.set(n_asked=rays.n_asked, n_copies=rays.n_copies)
+    made.set(n_asked=rays.n_originals, n_copies=rays.n_copies)
     made.set(is_recorded=rays.is_recorded, light=LIGHTS.index(rays.light))
     return made
 

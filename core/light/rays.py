@@ -76,7 +76,7 @@ class Landings:
         return self.reason == Reason.ARRIVED
 
     @property
-    def is_beside_glass(self) -> Bools:
+    def is_past_glass(self) -> Bools:
         """Whether light passed by the glass, via the plate if one is required; False if the
         settings do not follow such light.
         """
@@ -86,9 +86,9 @@ class Landings:
         """Which (n,) are on the display's image, and their pixels, row by row; 0 for the others."""
         return self._pixels_of(self.has_arrived, width, height)
 
-    def pixels_beside(self, width: int, height: int) -> tuple[Bools, Ints]:
+    def pixels_past_glass(self, width: int, height: int) -> tuple[Bools, Ints]:
         """The same for light past the glass."""
-        return self._pixels_of(self.is_beside_glass, width, height)
+        return self._pixels_of(self.is_past_glass, width, height)
 
     def _pixels_of(self, some: Bools, width: int, height: int) -> tuple[Bools, Ints]:
         with np.errstate(invalid="ignore"):
@@ -200,7 +200,7 @@ class Rays:
         light: PlateLight = "imaged",
         n_copies: int = 0,
     ) -> None:
-        self.n_asked, self.n_copies = len(origins), n_copies
+        self.n_originals, self.n_copies = len(origins), n_copies
         n = (1 + n_copies) * len(origins)
         if n_copies:
             origins, directions = (np.tile(x, (1 + n_copies, 1)) for x in (origins, directions))
@@ -224,9 +224,9 @@ class Rays:
         self.last_part = np.full(n, -1, np.int64)
         self.leak = np.full(n, -1, np.int64)
 
-        self.live = np.arange(self.n_asked)
+        self.live = np.arange(self.n_originals)
         # whether the copy exists
-        self.is_begun = np.arange(n) < self.n_asked if n_copies else np.ones(n, bool)
+        self.is_begun = np.arange(n) < self.n_originals if n_copies else np.ones(n, bool)
         self.born = np.empty(0, np.int64)  # new copies, not yet live
         self.course = course
         self.is_recorded = is_recorded
@@ -247,8 +247,8 @@ class Rays:
         copies, in the same state.
         """
         copies = np.full(len(rays), -1)
-        for first in range(self.n_asked, len(self.mask), self.n_asked):
-            row = first + rays % self.n_asked
+        for first in range(self.n_originals, len(self.mask), self.n_originals):
+            row = first + rays % self.n_originals
             free = np.flatnonzero((copies < 0) & ~self.is_begun[row])
             # two copies of one ray may split at the same time
             free = free[np.unique(row[free], return_index=True)[1]]
@@ -270,7 +270,7 @@ class Rays:
         return {name: values for name, values in arrays.items() if name not in others}
 
     def _by_copy(self, values: np.ndarray) -> np.ndarray:
-        return values.reshape(1 + self.n_copies, self.n_asked, *values.shape[1:])
+        return values.reshape(1 + self.n_copies, self.n_originals, *values.shape[1:])
 
     def add_to_branch(self, rays: Ints, patch: Ints, event: Ints | int) -> None:
         with np.errstate(over="ignore"):
@@ -291,7 +291,7 @@ class Rays:
         else:
             expected = np.where(
                 n_words < width,
-                self.course[rays % self.n_asked, np.minimum(n_words, width - 1)],
+                self.course[rays % self.n_originals, np.minimum(n_words, width - 1)],
                 np.uint64(0),
             )
             self.is_astray[rays] = expected != self.branch[rays]

@@ -223,7 +223,7 @@ def _landings_of(rays: Rays) -> Landings:
     rays.xy[rays.is_astray] = np.nan
     has_place = np.isfinite(rays.xy[:, 0])
     landings = Landings(
-        sample=np.tile(np.arange(rays.n_asked), 1 + rays.n_copies),
+        sample=np.tile(np.arange(rays.n_originals), 1 + rays.n_copies),
         reason=rays.reason,
         branch=np.where(has_place, np.maximum(rays.branch, np.uint64(1)), np.uint64(0)),
         xy=rays.xy,
@@ -309,11 +309,11 @@ def _interact(plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], kind: In
 
 def _step_of(plan: Plan, rays: Rays, hits: Hits, left: Ints) -> Step:
     """The step of live rays to their hits, and of rays without one; copies are left out."""
-    is_original = rays.live < rays.n_asked
+    is_original = rays.live < rays.n_originals
     triangle, live, left = (
         hits.triangle[is_original],
         rays.live[is_original],
-        left[left < rays.n_asked],
+        left[left < rays.n_originals],
     )
     return Step(
         rays=live,

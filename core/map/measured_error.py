@@ -94,7 +94,7 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
     random = np.random.default_rng(0)
     points = view_map.points
 
-    has_picture = ~view_map.is_beside_glass(view_map.nodes[:, 0])
+    has_picture = ~view_map.is_past_glass(view_map.nodes[:, 0])
     smooth = Squares(view_map.corner, view_map.size).at(has_picture)
 
     n_smooth, n_pixels = (min(N_PLACES, N_PLACES_EACH * len(kind)) for kind in (smooth, pixels))
@@ -118,8 +118,8 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
 
     branch = points.branch[some]
     is_one = np.append(np.zeros(n_smooth, bool), (branch == branch[:, :1]).all(axis=1))
-    is_beside_glass = view_map.is_beside_glass(some).all(axis=1)
-    is_in_glass = np.append(np.ones(n_smooth, bool), ~is_beside_glass)
+    is_past_glass = view_map.is_past_glass(some).all(axis=1)
+    is_in_glass = np.append(np.ones(n_smooth, bool), ~is_past_glass)
 
     return _Places(at, area, is_one, is_in_glass)
 

@@ -84,7 +84,7 @@ def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
         yield 0
 
     for kind in cut:
-        requested = kind[~view_map.is_beside_glass(kind[:, 0])]
+        requested = kind[~view_map.is_past_glass(kind[:, 0])]
         for first in range(0, len(requested), QUADS_AT_ONCE):
             corners = requested[first : first + QUADS_AT_ONCE].T
             view, display = (

@@ -226,11 +226,11 @@ class Sampling:
         # outside the glass there is nothing to find, unless something thin is near, or light is
         # followed there, too
         is_lost = (self.points.reason == Reason.MISSED_GLASS) & (self.points.branch == 0)
-        is_beside_glass = is_lost[cells].all(axis=1)
+        is_past_glass = is_lost[cells].all(axis=1)
         is_touched = yield from self._is_touched(finest)
-        is_beside_glass &= ~np.broadcast_to(is_touched[:, None], is_inside.shape)[is_inside]
+        is_past_glass &= ~np.broadcast_to(is_touched[:, None], is_inside.shape)[is_inside]
 
-        is_seen = ~is_off_display & ~is_beside_glass
+        is_seen = ~is_off_display & ~is_past_glass
         square = np.broadcast_to(np.arange(len(finest))[:, None], is_inside.shape)[is_inside]
         cells, square = cells[is_seen], square[is_seen]
         yield 0

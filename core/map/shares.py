@@ -23,7 +23,7 @@ LOTS_AT_ONCE = 8  # of cells, divided side by side in one step
 LOTS_AT_FIRST = 2  # then twice as many each time: other threads start soon
 # shares, up to 64 bytes each: more are not cached, but made again for each use. A ball fills a
 # display of 3840 x 2160 with 11 million.
-MOST_KEPT = 1 << 24
+MOST_CACHED = 1 << 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ class Lot(NamedTuple):
 
 
 class ShareBatches:
-    """Shares of many cells, in batches: cached up to MOST_KEPT, else made again for each use.
+    """Shares of many cells, in batches: cached up to MOST_CACHED, else made again for each use.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ class ShareBatches:
         self._pieces = pieces
         self._cached: list[Shares] | None = None
         self._n = 0
-        self.n_sharing = 1  # batches in the memory of MOST_KEPT
+        self.n_sharing = 1  # batches in the memory of MOST_CACHED
         self.n_divided = 0  # cells, in the current pass
 
     def __len__(self) -> int:
@@ -193,14 +193,14 @@ class ShareBatches:
         return self._n
 
     @property
-    def are_kept(self) -> bool:
+    def are_cached(self) -> bool:
         """Whether all shares are made and cached."""
         return self._cached is not None
 
     def share_memory(self, n: int) -> None:
-        """Limit the cache to an n-th of MOST_KEPT."""
+        """Limit the cache to an n-th of MOST_CACHED."""
         self.n_sharing = n
-        if self.are_kept and len(self) > MOST_KEPT // n:
+        if self.are_cached and len(self) > MOST_CACHED // n:
             self.let_go()
 
     def let_go(self) -> None:
@@ -212,13 +212,13 @@ class ShareBatches:
 
     def pausing(self) -> Iterator[Shares | None]:
         """All batches; None is a pause before the next one."""
-        if self.are_kept:
+        if self.are_cached:
             yield from self._cached
             return
 
         n = 0
         cached = []
-        most = MOST_KEPT // self.n_sharing
+        most = MOST_CACHED // self.n_sharing
 
         for shares in self._made():
             if shares is not None:

@@ -280,7 +280,7 @@ class ViewMap:
         squares = Squares(self.corner, self.size)
         return squares.are_within(xy, self.view_size, self.display_size)
 
-    def is_beside_glass(self, points: Ints) -> Bools:
+    def is_past_glass(self, points: Ints) -> Bools:
         """Whether light of these landed points passes the glass outside."""
         return self.points.reason[points] == Reason.MISSED_GLASS
 
@@ -291,7 +291,7 @@ class ViewMap:
 
     def _spreading(self) -> Steps[Floats]:
         is_landed = self.points.branch[self.samples] != 0
-        is_past_glass = self.is_beside_glass(self.samples)
+        is_past_glass = self.is_past_glass(self.samples)
         found = np.zeros(len(self.samples))
         # light through the glass and light past it are never mixed
         for some in (
@@ -337,7 +337,7 @@ class ViewMap:
     @property
     def is_whole(self) -> Bools:
         """Viewer pixels (h, w) fully connected to the display through the glass."""
-        some = self._is_inside & ~self.is_beside_glass(self.nodes[:, 0])
+        some = self._is_inside & ~self.is_past_glass(self.nodes[:, 0])
         return filled(
             self.view_size,
             self.corner[some],
@@ -347,20 +347,20 @@ class ViewMap:
         )
 
     def pieces(
-        self, at_pixels: bool = False, beside: bool = False, sampled: bool = True
+        self, at_pixels: bool = False, past_glass: bool = False, sampled: bool = True
     ) -> Iterator[Piece]:
         """Quads and triangles of the map, through the glass or past it.
 
         at_pixels : each lies within one viewer pixel; squares around samples have their middle in
             it
-        beside : light past the glass instead
+        past_glass : light past the glass instead
         sampled : include samples, which come last
 
         Arrays are new each time and may be changed.
         """
         # smooth cells, by the number of their quads
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
-        requested = np.flatnonzero(self.is_beside_glass(self.nodes[:, 0]) == beside)
+        requested = np.flatnonzero(self.is_past_glass(self.nodes[:, 0]) == past_glass)
         for m, cells in each_value(parts[requested]):
             step = max(1, QUADS_AT_ONCE // m**2)
             for first in range(0, len(cells), step):
@@ -368,7 +368,7 @@ class ViewMap:
 
         # cut pixels
         for kind in (self.quads, self.triangles):
-            requested = kind[self.is_beside_glass(kind[:, 0]) == beside]
+            requested = kind[self.is_past_glass(kind[:, 0]) == past_glass]
             for first in range(0, len(requested), QUADS_AT_ONCE):
                 yield polygons(self.points, requested[first : first + QUADS_AT_ONCE])
 
@@ -377,7 +377,7 @@ class ViewMap:
 
         # samples
         is_lit = self.sample_width > 0
-        requested = np.flatnonzero(is_lit & (self.is_beside_glass(self.samples) == beside))
+        requested = np.flatnonzero(is_lit & (self.is_past_glass(self.samples) == past_glass))
         for first in range(0, len(requested), QUADS_AT_ONCE):
             some = requested[first : first + QUADS_AT_ONCE]
             samples = self.points.at(self.samples[some])

@@ -56,7 +56,7 @@ class Settings:
     disagreement: Disagreement = "sharp"
 
     @property
-    def looks_beside(self) -> bool:
+    def looks_past_glass(self) -> bool:
         """Whether light past the glass is followed to the display, though it carries no picture."""
         return self.only_through_glass and self.suppress_glare > 0
 
@@ -67,7 +67,7 @@ class Settings:
             self,
             margin=0,
             ghosts="mean",
-            suppress_glare=float(self.looks_beside),
+            suppress_glare=float(self.looks_past_glass),
             disagreement="sharp",
         )
 

@@ -41,13 +41,13 @@ class Measured:
 
     picture : key of the picture's place; accuracy depends on it in part
     plate : brightness and blur of a plate's mirrors; None for an ideal plate
-    beside : sample of the light past the glass; None if it carries the picture too
+    stray : sample of the light past the glass; None if it carries the picture too
     """
 
     picture: str
     accuracy: Accuracy
     plate: PlateView | None
-    beside: StrayLight | None
+    stray: StrayLight | None
 
 
 def measuring(
@@ -69,13 +69,13 @@ def measuring(
     if plate is not None:
         lap("brightness and blur")
 
-    beside = (
+    stray = (
         (yield from hold_progress(1.0, trace_stray_light(plan)))
         if plan.settings.only_through_glass
         else None
     )
     lap("glare")
-    return Measured(picture, accuracy, plate, beside)
+    return Measured(picture, accuracy, plate, stray)
 
 
 WHITE = 1.0, 1.0, 1.0
@@ -110,14 +110,14 @@ class Traced:
     """The part of a channel that does not depend on the picture.
 
     plan : the rig as traced for this viewer and wavelength
-    weight_beside : (H, W) viewer px^2, sum of area * throughput^2 over shares of light past the
+    weight_past_glass : (H, W) viewer px^2, sum of area * throughput^2 over shares of light past the
         glass; None unless glare is suppressed
     measured : for the picture's last place; None before the first picture is painted
     """
 
     plan: Plan
     view_map: ViewMap
-    weight_beside: Floats | None
+    weight_past_glass: Floats | None
     measured: Measured | None = None
 
 
@@ -176,23 +176,23 @@ class Channel:
         """The picture as seen without any glass: (h, w, 3) linear."""
         return ideal_image(self.plan.rig.picture_of(self.viewer), self.viewer)
 
-    def seen(self, source: NDArray[np.float32], beside: bool = False) -> NDArray[np.float32]:
+    def seen(self, source: NDArray[np.float32], past_glass: bool = False) -> NDArray[np.float32]:
         """A source image (H, W, 3) as the viewer sees it through the glass: (h, w, 3) linear.
 
-        beside : add light that passes the glass by way of the plate; it is traced on first use, see
-            `trace_stray_light`
+        past_glass : add light that passes the glass by way of the plate; it is traced on first use,
+            see `trace_stray_light`
         """
-        return run_steps(self.seeing(source, beside))
+        return run_steps(self.seeing(source, past_glass))
 
     def seeing(
-        self, source: NDArray[np.float32], beside: bool = False
+        self, source: NDArray[np.float32], past_glass: bool = False
     ) -> Steps[NDArray[np.float32]]:
         """`seen` in steps, since the first pass over a large image takes seconds."""
         shown = self.plan.rig.display.light_of(source)
         seen = yield from seeing(self._seen_shares, shown)
-        if not beside or self._seen_beside is None:
+        if not past_glass or self._seen_past_glass is None:
             return seen
-        return seen + (yield from seeing(self._seen_beside, shown))
+        return seen + (yield from seeing(self._seen_past_glass, shown))
 
     @cached_property
     def _seen_shares(self) -> ShareBatches:
@@ -208,29 +208,29 @@ class Channel:
         settings = self.plan.settings
         if (
             settings.only_through_glass
-            and not settings.looks_beside
-            and "_map_beside" not in vars(self)
+            and not settings.looks_past_glass
+            and "_map_past_glass" not in vars(self)
         ):
             check_memory(replace(self.plan.rig, viewers=(self.viewer,)), settings)
-            vars(self)["_map_beside"] = yield from sample(with_stray_light(self.plan))
+            vars(self)["_map_past_glass"] = yield from sample(with_stray_light(self.plan))
 
     @cached_property
-    def _map_beside(self) -> ViewMap:
+    def _map_past_glass(self) -> ViewMap:
         return (
             self.view_map
-            if self.plan.settings.looks_beside
+            if self.plan.settings.looks_past_glass
             else run_steps(sample(with_stray_light(self.plan)))
         )
 
     @cached_property
-    def _seen_beside(self) -> ShareBatches | None:
+    def _seen_past_glass(self) -> ShareBatches | None:
         """Shares of light past the glass, one viewer pixel each; None if they are part of the
         map.
         """
         if not self.plan.settings.only_through_glass:
             return None
-        pieces = partial(self._map_beside.pieces, at_pixels=True, beside=True)
-        return shares_of(self._map_beside, self.shares.has_throughput, pieces)
+        pieces = partial(self._map_past_glass.pieces, at_pixels=True, past_glass=True)
+        return shares_of(self._map_past_glass, self.shares.has_throughput, pieces)
 
 
 def shares_of(
@@ -249,17 +249,17 @@ def shares_of(
     return ShareBatches(*sizes, has_throughput, cells, has_path)
 
 
-def weight_beside(view_map: ViewMap, settings: Settings) -> Steps[Floats | None]:
+def weight_past_glass(view_map: ViewMap, settings: Settings) -> Steps[Floats | None]:
     """Sum (H, W) of area * throughput^2, viewer px^2, over light past the glass; None if not
     needed.
     """
-    if not settings.looks_beside:
+    if not settings.looks_past_glass:
         return None
 
     width, height = view_map.display_size
     weight = np.zeros((height, width))
 
-    batches = shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True))
+    batches = shares_of(view_map, settings.brightness, partial(view_map.pieces, past_glass=True))
     for shares in batches.pausing():
         if shares is not None:
             add_at(weight, shares.display_index, shares.weight)

@@ -11,7 +11,7 @@ from ..base.free_memory import check_free, is_free
 from ..base.messages import Message
 from ..map.points import BYTES_OF_POINT
 from ..map.rasterise import SHARES_AT_ONCE
-from ..map.shares import MOST_KEPT
+from ..map.shares import MOST_CACHED
 from ..map.view_map import ViewMap
 from ..native.loading import library
 from ..rig.rig import Display, Rig
@@ -111,16 +111,16 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         n_shares = len(sizes) * float(view_map.shares_by_kind[0])
         n_cut = len(sizes) * float(view_map.shares_by_kind[1:].sum())
         n_points = len(sizes) * len(view_map.points)
-    n_kept = min(n_shares, MOST_KEPT)
-    n_more = min(n_quads, max(MOST_KEPT - n_shares, 0.0))
+    n_cached = min(n_shares, MOST_CACHED)
+    n_more = min(n_quads, max(MOST_CACHED - n_shares, 0.0))
 
     n_triangles = sum(len(mesh.triangles) for mesh in meshes)
-    cut_shares = BYTES.share * min(n_cut, MOST_KEPT - n_kept)
+    cut_shares = BYTES.share * min(n_cut, MOST_CACHED - n_cached)
     by_numpy = BYTES.rays_by_numpy + BYTES.shares_by_numpy * min(n_shares + n_cut, SHARES_AT_ONCE)
     return {
         "display": BYTES.display * display
         + BYTES.lookup * display * (len(sizes) if len(sizes) > 1 else 0),
-        "light": BYTES.share * n_kept,
+        "light": BYTES.share * n_cached,
         "viewer": BYTES.viewer * viewer,
         "picture": BYTES.picture * float(rig.pictures[0].n_pixels),
         "tolerance": BYTES.share * n_more + BYTES.ray * n_rays,

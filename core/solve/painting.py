@@ -67,7 +67,7 @@ class Placed:
 
         It counts shares if they are cached, otherwise the pieces they are made of.
         """
-        if self.shares.are_kept:
+        if self.shares.are_cached:
             return n / max(len(self.shares), 1)
         return min(self.shares.n_divided / max(self.n_pieces, 1), 1.0)
 
@@ -175,7 +175,7 @@ def _add(
         yield progress
 
     placed.is_counted = True
-    if not placed.shares.are_kept:
+    if not placed.shares.are_cached:
         placed.filter_taps.clear()  # they save little if shares are remade
 
 
@@ -194,12 +194,12 @@ def place(view_map: ViewMap, picture: PicturePlace, key: ChannelKey, settings: S
 def finished(
     painting: Painting,
     channels: Sequence[Placed],
-    beside: Sequence[Floats | None],
+    past_glass: Sequence[Floats | None],
     settings: Settings,
 ) -> NDArray[np.float32]:
     """Light (H, W, 3) for the display's pixels, from a complete painting.
 
-    beside : for each channel the weight (H, W) of light past the glass; None if glare is kept
+    past_glass : for each channel the weight (H, W) of light past the glass; None if glare is kept
     """
 
     def summed(of_each: Sequence[Floats | None], colour: int) -> Floats | None:
@@ -211,7 +211,7 @@ def finished(
     is_grey = all(len(set(placed.key.colours)) == 1 for placed in channels)
     for colour in range(1 if is_grey else 3):
         weight = summed([placed.coverage.weight for placed in channels], colour)
-        held_back = summed(beside, colour)
+        held_back = summed(past_glass, colour)
         if held_back is not None:
             held_back = settings.suppress_glare * held_back
         images.append(painting.finished(weight, settings.margin, held_back))

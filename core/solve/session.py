@@ -35,7 +35,7 @@ from .channel import (
     channel_keys,
     measuring,
     sample_reached,
-    weight_beside,
+    weight_past_glass,
 )
 from .disagreement import Settled, is_comparable, is_sharp, settle
 from .memory import check_memory, check_traced
@@ -203,7 +203,7 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
         view_map=traced.view_map,
         accuracy=measured.accuracy,
         plate=measured.plate,
-        glare=measured.beside and measured.beside.seen_of(plan.rig.display.nearest(light)),
+        glare=measured.stray and measured.stray.seen_of(plan.rig.display.nearest(light)),
         shares=placed.shares,
         shown=placed.shown,
         coverage=placed.coverage,
@@ -267,8 +267,8 @@ class Session:
         steps = self._paint(placed, rig, settings, clock)
         placed, painting = yield from subprogress(steps, *painted)
         yield from hold_progress(covered[0], self._take_up(optics, placed))
-        beside = [traced.weight_beside for traced in optics.channels]
-        light = finished(painting, placed.channels, beside, settings)
+        past_glass = [traced.weight_past_glass for traced in optics.channels]
+        light = finished(painting, placed.channels, past_glass, settings)
         source = rig.display.source_for(light)
         clock.lap("painting")
 
@@ -332,12 +332,14 @@ class Session:
         if not any(len(placed.shares) for placed in channels):
             raise RigError("The display stays dark.")
 
-        beside = []
+        past_glass = []
         for view_map, placed in found:
             check_seen(placed.picture, placed.viewer)
-            beside.append((yield from hold_progress(1.0, weight_beside(view_map, settings))))
+            past_glass.append(
+                (yield from hold_progress(1.0, weight_past_glass(view_map, settings)))
+            )
 
-        return rig.display.source_for(finished(painting, channels, beside, settings))
+        return rig.display.source_for(finished(painting, channels, past_glass, settings))
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
         """The rig ready for tracing, with all of its glass, from the caches."""
@@ -425,7 +427,7 @@ class Session:
         yield from hold_progress(spread[0], view_map.spread_samples())
         clock.lap("shares")
         yield spread[1]
-        weight = yield from hold_progress(spread[1], weight_beside(view_map, settings))
+        weight = yield from hold_progress(spread[1], weight_past_glass(view_map, settings))
         clock.lap("glare")
         return Traced(plan, view_map, weight)
 

@@ -115,13 +115,13 @@ class Solution:
         return self.first.ideal()
 
     def seen(
-        self, source: NDArray[np.float32] | None = None, beside: bool = False
+        self, source: NDArray[np.float32] | None = None, past_glass: bool = False
     ) -> NDArray[np.float32]:
         """The first viewer's image of the source image, or of another one: (h, w, 3) linear.
 
-        beside : as in `Channel.seen`
+        past_glass : as in `Channel.seen`
         """
-        return self.first.seen(self.source if source is None else source, beside)
+        return self.first.seen(self.source if source is None else source, past_glass)
 
     def seeing(self, source: NDArray[np.float32]) -> Steps[NDArray[np.float32]]:
         """`seen` in steps."""

@@ -75,7 +75,7 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
 
     faces = layer.curved or CurvedFaces.none(layer.corners)
     is_bent = plan.triangles.is_bent[held.numbers]
-    bent = layer.bent(Paraboloids.beside(faces, is_bent, normals))
+    bent = layer.bent(Paraboloids.added_to(faces, is_bent, normals))
 
     # the kernel builds its tree faster than Embree
     if loading.library() is not None:

@@ -96,7 +96,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     jobs: list[tuple[str, np.ndarray, str, tuple[float, float] | None]] = [
         ("source", solution.source, arguments.format, size),
         ("ideal", solution.ideal(), "PNG8", None),
-        ("seen", solution.seen(beside=True), "PNG8", None),
+        ("seen", solution.seen(past_glass=True), "PNG8", None),
         ("coverage", solution.display_coverage, "PNG8", size),
     ]
     if "linear" in files:

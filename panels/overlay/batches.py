@@ -5,7 +5,7 @@ from typing import Any
 
 from ...operators.sketcher import SketchDrawing
 
-KEPT = 4  # drawings, one for each scene in a window
+N_CACHED = 4  # drawings, one for each scene in a window
 
 _made: list[tuple[SketchDrawing, dict[str, Any]]] = []
 
@@ -15,7 +15,7 @@ def made_once(drawing: SketchDrawing, name: str, make: Callable[[SketchDrawing],
     things = next((things for known, things in _made if known is drawing), None)
     if things is None:
         things = {}
-        _made[:] = [*_made[1 - KEPT :], (drawing, things)]
+        _made[:] = [*_made[1 - N_CACHED :], (drawing, things)]
     if name not in things:
         things[name] = make(drawing)
     return things[name]

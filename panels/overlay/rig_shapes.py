@@ -71,7 +71,7 @@ def labels_of(drawing: SketchDrawing) -> list[Label]:
         Label(note.place, note.text, None, colours.OF_STATE[note.state]) for note in sketch.notes
     ]
     found += [
-        Label((d.start + d.end) / 2 + d.beside, "", d.length, colours.DIMENSION)
+        Label((d.start + d.end) / 2 + d.offset, "", d.length, colours.DIMENSION)
         for d in sketch.dimensions
     ]
     return [label._replace(place=label.place / drawing.metres) for label in found]
@@ -85,7 +85,7 @@ def marks_of(drawing: SketchDrawing) -> list[Mark]:
 
 def arrows_of(drawing: SketchDrawing) -> Floats:
     """The dimension lines (n, 2, 3) with arrowheads."""
-    lines = [(d.start + d.beside, d.end + d.beside) for d in drawing.sketch.dimensions]
+    lines = [(d.start + d.offset, d.end + d.offset) for d in drawing.sketch.dimensions]
     return np.array(lines).reshape(-1, 2, 3) / drawing.metres
 
 
@@ -111,6 +111,6 @@ def _dimension_lines(sketch: Sketch) -> Floats:
     """Dimension lines and their extension lines (n, 2, 3)."""
     lines = []
     for d in sketch.dimensions:
-        lines.append((d.start + d.beside, d.end + d.beside))
-        lines += [(at, at + BEYOND * d.beside) for at in (d.start, d.end)]
+        lines.append((d.start + d.offset, d.end + d.offset))
+        lines += [(at, at + BEYOND * d.offset) for at in (d.start, d.end)]
     return np.array(lines).reshape(-1, 2, 3)

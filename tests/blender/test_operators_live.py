@@ -260,7 +260,7 @@ def test_the_first_coarse_picture_is_on_the_display(live, written, monkeypatch):
     settle(live)
     assert written == ["update_coarse", *FINAL]
     assert images_on(rig["DISPLAY"]) == [result.source]
-    assert result.notes.count("'Own Display' of the display") == 1
+    assert result.notes.count("'Own Display'") == 1
 
 
 def images_on(thing: bpy.types.Object) -> list[bpy.types.Image]:

@@ -652,7 +652,7 @@ def test_undo_reads_only_images_that_it_changed(
 
     read = []
     monkeypatch.setattr(
-        made, "read_anew", lambda one: read.append((one.name, image.read_anew(one)))
+        made, "read_again", lambda one: read.append((one.name, image.read_again(one)))
     )
     for step, is_undo in ((bpy.ops.ed.undo, True), (bpy.ops.ed.redo, False)):
         read.clear()

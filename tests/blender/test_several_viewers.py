@@ -433,7 +433,7 @@ def test_the_preview_is_that_of_the_chosen_viewer(kiriko: ModuleType, rig: dict)
             work.session().solve(reading.rig, work.settings_of(bpy.context.scene))
         )
         errors = [
-            float(np.sqrt(((channel.seen(solved.source, beside=True) - rendered) ** 2).mean()))
+            float(np.sqrt(((channel.seen(solved.source, past_glass=True) - rendered) ** 2).mean()))
             for channel in solved.channels
         ]
         assert errors[0] < 0.25 * errors[1]

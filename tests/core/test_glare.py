@@ -86,11 +86,11 @@ def test_what_is_seen_beside_is_what_is_seen_when_all_light_counts(name):
     expected = everything.seen(source)
     for glare in (0.0, 0.3):
         found = solve(a_rig, suppress_glare=glare)
-        off = np.abs(found.seen(source, beside=True) - expected)
+        off = np.abs(found.seen(source, past_glass=True) - expected)
         assert (off > 2e-3).mean() < 1e-3  # where the rim is seen in the rim
         assert off.mean() < 1e-5
         assert np.abs(found.seen(source) - expected).max() > 0.05
-    np.testing.assert_array_equal(everything.seen(source, beside=True), expected)
+    np.testing.assert_array_equal(everything.seen(source, past_glass=True), expected)
 
 
 def test_suppressed_wholly_all_sight_lines_are_alike():
@@ -123,14 +123,14 @@ def test_least_squares_with_weight():
         == Reason.MISSED_GLASS
     )
     is_on, pixel = landings.pixels(128, 128)
-    beside = (
+    past_glass = (
         np.bincount(pixel[is_on & is_beside], minlength=128 * 128).reshape(128, 128) * 96**2 / n
     )
 
     for glare in (0.25, 1.0):
-        expected = source * (weight / np.maximum(weight + glare * beside, 1e-9))[..., None]
+        expected = source * (weight / np.maximum(weight + glare * past_glass, 1e-9))[..., None]
         found = solve(a_rig, suppress_glare=glare).source
-        contested = (weight > 0.2) & (beside > 0.2)
+        contested = (weight > 0.2) & (past_glass > 0.2)
         assert contested.sum() > 100
         difference = (found - expected)[contested]
         assert np.abs(difference).mean() < 0.01
@@ -181,7 +181,9 @@ def test_the_share_that_is_told_is_the_one_that_is_seen():
     """
     for name, make in RIGS.items():
         found = solve(make())
-        through, both = (dot_luminance(found.seen(beside=beside)) for beside in (False, True))
+        through, both = (
+            dot_luminance(found.seen(past_glass=past_glass)) for past_glass in (False, True)
+        )
         assert found.first.glare.share == pytest.approx(1 - through / both, abs=0.03), name
 
 
@@ -204,9 +206,9 @@ def test_where_the_glare_is(place, where):
     """Told by the sides of the glass, as the viewer sees it: x to the right, y down."""
     random = np.random.default_rng(1)
     through = random.normal(50, 8, (500, 2))
-    beside = random.normal(place, 1, (100, 2))
+    past_glass = random.normal(place, 1, (100, 2))
     light = StrayLight(
-        np.concatenate([through, beside]),
+        np.concatenate([through, past_glass]),
         np.zeros(600, np.int64),
         np.ones(600),
         np.arange(600) >= 500,
@@ -223,15 +225,15 @@ def test_grown_margins_stay_dark_where_they_would_be_seen():
     a_rig = ball()
     plain = solve(a_rig, margin=6)
     held = solve(a_rig, margin=6, suppress_glare=1.0)
-    beside = Coverage(held.first.view_map.display_size, held.first.view_map.view_size)
+    past_glass = Coverage(held.first.view_map.display_size, held.first.view_map.view_size)
 
-    for piece in held.first.view_map.pieces(beside=True):
-        beside.add(
+    for piece in held.first.view_map.pieces(past_glass=True):
+        past_glass.add(
             rasterise(held.first.view_map.display_size, held.first.view_map.view_size, *piece[:3])
         )
 
     grown = (plain.weight == 0) & (plain.source.max(axis=2) > 0)
-    is_beside = beside.weight > 0
+    is_beside = past_glass.weight > 0
     assert (grown & is_beside).sum() > 20
     assert (grown & ~is_beside).sum() > 20
     assert (held.source[grown & is_beside] == 0).all()

@@ -142,8 +142,8 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     expected = [solve(some, brightness=brightness) for some in (a_rig, other)]
     n = len(expected[0].first.shares)
 
-    assert n < shares.MOST_KEPT
-    monkeypatch.setattr(shares, "MOST_KEPT", n // 2)
+    assert n < shares.MOST_CACHED
+    monkeypatch.setattr(shares, "MOST_CACHED", n // 2)
     monkeypatch.setattr(rasterise, "SHARES_AT_ONCE", n // 5)
     monkeypatch.setattr(rasterise, "PARTS_AT_ONCE", n // 20)
     monkeypatch.setattr(painting, "MOST_PLACED", 2)

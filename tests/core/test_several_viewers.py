@@ -228,10 +228,10 @@ def test_shares_of_viewers_are_made_again_alike(monkeypatch, ghosts, disagreemen
     a_rig = eyes(ball_rig(3, pixels=48, display_pixels=64, image=lattice_image(64)), 0.02)
     expected = solve(a_rig, ghosts=ghosts, disagreement=disagreement)
     n = max(len(channel.shares) for channel in expected.channels)
-    assert all(channel.shares.are_kept for channel in expected.channels)
-    monkeypatch.setattr(shares, "MOST_KEPT", n)
+    assert all(channel.shares.are_cached for channel in expected.channels)
+    monkeypatch.setattr(shares, "MOST_CACHED", n)
     found = solve(a_rig, ghosts=ghosts, disagreement=disagreement)
-    assert not any(channel.shares.are_kept for channel in found.channels)
+    assert not any(channel.shares.are_cached for channel in found.channels)
     np.testing.assert_allclose(found.source, expected.source, atol=1e-6)
 
 

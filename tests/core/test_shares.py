@@ -454,7 +454,7 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
     """
     monkeypatch.setattr(rasterise_module, "SHARES_AT_ONCE", 50)
     monkeypatch.setattr(rasterise_module, "PARTS_AT_ONCE", 64)
-    monkeypatch.setattr(share_module, "MOST_KEPT", most)
+    monkeypatch.setattr(share_module, "MOST_CACHED", most)
     view = grid(12)
     asked = []
     quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
@@ -467,7 +467,7 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
             yield view[some], quads[some], throughput[some], path[some] if has_path else None
 
     batches = ShareBatches((18, 18), (12, 12), has_throughput, pieces, has_path)
-    assert not batches.are_kept
+    assert not batches.are_cached
     whole = rasterise((18, 18), (12, 12), view, quads, throughput if has_throughput else None)
     weight = to_display(whole, np.ones(len(whole)) if not has_throughput else whole.throughput**2)
 
@@ -484,7 +484,7 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
             found.of_display, coverage(whole).of_display, rtol=1e-12, atol=1e-15
         )
 
-    assert batches.are_kept == bool(most)
+    assert batches.are_cached == bool(most)
     assert len(asked) == (1 if most else 2)
 
 

@@ -35,7 +35,7 @@ def points_of(sketch):
     """All places of a sketch (n, 3)."""
     places = [line.points for line in sketch.lines]
     places += [note.place[None] for note in sketch.notes]
-    places += [np.stack([d.start, d.end, d.beside]) for d in sketch.dimensions]
+    places += [np.stack([d.start, d.end, d.offset]) for d in sketch.dimensions]
     return np.concatenate([*places, sketch.light.hatch.reshape(-1, 3)])
 
 
@@ -130,8 +130,8 @@ def test_distances_and_aerial_plane_are_those_of_the_bench(distance):
     assert lengths == pytest.approx([distance, distance], abs=1e-12)
     sketch = sketch_of(a_rig)
     assert [d.length for d in sketch.dimensions] == pytest.approx([distance, distance], abs=1e-12)
-    assert all(np.abs(d.beside @ (d.end - d.start)) < 1e-12 for d in sketch.dimensions)
-    assert all(np.linalg.norm(d.beside) > 0.05 for d in sketch.dimensions)  # clear of the glass
+    assert all(np.abs(d.offset @ (d.end - d.start)) < 1e-12 for d in sketch.dimensions)
+    assert all(np.linalg.norm(d.offset) > 0.05 for d in sketch.dimensions)  # clear of the glass
 
     aerial = np.concatenate([line.points for line in sketch.lines if line.state == "aerial"])
     assert np.abs(aerial[:, 1]).max() < 1e-12

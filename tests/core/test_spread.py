@@ -81,7 +81,7 @@ def test_shares_that_are_lost_are_areas_of_the_picture() -> None:
     """
     _, spread = spread_around(ball(1.0), Wishes(picture=0.025, display=0.0125))
     assert spread.lost == {"missed the display": pytest.approx(0.75, rel=2e-2)}
-    assert spread.beside_weight.sum() == pytest.approx(0.75, rel=2e-2)
+    assert spread.off_display_weight.sum() == pytest.approx(0.75, rel=2e-2)
 
 
 def test_a_rig_grows_with_large_glass_only() -> None:

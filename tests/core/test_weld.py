@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kiriko.core.glass.meshes import components, find_edges, volume_of
-from kiriko.core.glass.solids import split_shells, turned_beside
+from kiriko.core.glass.solids import find_turned, split_shells
 from kiriko.core.glass.weld import coincident, welded
 from kiriko.core.rig.rig import Mesh
 from known.reference_rigs import bottle, box, icosphere, split_quads, uv_ellipsoid
@@ -187,15 +187,15 @@ def test_triangles_that_look_the_other_way_than_most_around_them_are_found():
     triangles = np.concatenate([one, other[:, ::-1] + one.max() + 1])
     is_turned = np.random.default_rng(5).random(len(triangles)) < 0.3
     triangles[is_turned] = triangles[is_turned, ::-1]
-    assert (turned_beside(triangles) == is_turned).all()
+    assert (find_turned(triangles) == is_turned).all()
 
     low, high = np.arange(8), np.arange(8) + 8
     after = np.roll(low, -1), np.roll(high, -1)
     strip = np.concatenate(
         [np.stack([low, after[0], high], 1), np.stack([after[0], after[1], high], 1)]
     )
-    assert not turned_beside(strip).any()
+    assert not find_turned(strip).any()
     twisted = np.where(strip[[7, 15]] % 8 == 0, (strip[[7, 15]] + 8) % 16, strip[[7, 15]])
     strip[[7, 15]] = twisted
-    assert not turned_beside(strip).any()
-    assert not turned_beside(one[:1]).any()
+    assert not find_turned(strip).any()
+    assert not find_turned(one[:1]).any()

@@ -332,11 +332,11 @@ def _remedy(
     fits = {button.operator for button in buttons} | set(FOR_ALL)
     found = [help for help in seen.helps if help.operator in fits]
     clauses = [help.sentence(length_text) for help in found]
-    mends = [BY_OPERATOR[help.operator] for help in found]
+    repairs = [BY_OPERATOR[help.operator] for help in found]
     if not found or TURN_BACK in buttons:
         clauses.append(Message("rotate the glass"))
-        mends.append(TURN_BACK)
-    return joined(clauses, " / "), tuple(mends)
+        repairs.append(TURN_BACK)
+    return joined(clauses, " / "), tuple(repairs)
 
 
 def meant_factors(width: float) -> list[float]:

@@ -10,7 +10,7 @@ import numpy as np
 from ...base.arrays import Bools, Floats, Ints
 from ...glass.inner_faces import find_bodies
 from ...glass.meshes import components, volume_of
-from ...glass.solids import turned_beside
+from ...glass.solids import find_turned
 from ..read.read_mesh import column, read_local
 from .to_do import FaultCounts
 
@@ -44,7 +44,7 @@ def counts_of(mesh: bpy.types.Mesh) -> FaultCounts:
 
     polygon = np.repeat(np.arange(n), column(mesh.polygons, "loop_total", 1, np.int32))
     is_turned = np.zeros(n, bool)
-    is_turned[polygon[local.loops[turned_beside(local.triangles), 0]]] = True
+    is_turned[polygon[local.loops[find_turned(local.triangles), 0]]] = True
     edges = one[column(mesh.edges, "vertices", 2, np.int32).astype(np.int64)]
     return FaultCounts(
         n_faces=n,

@@ -159,18 +159,18 @@ def _thing(
         has_no_scale=min(map(abs, thing.scale)) == 0,
         is_flat=has_mesh and is_flat(sides),
         no_picture=why_no_picture(scene, thing) if role == "PICTURE" else "",
-        faults=_worth_telling(scene, looked.as_read) if has_thickness else FaultCounts(),
+        faults=_worth_reporting(scene, looked.as_read) if has_thickness else FaultCounts(),
         own_faults=looked.own if has_thickness else FaultCounts(),
         has_facets=thing.kiriko.surface == "FACETS",
     )
 
 
-def _worth_telling(scene: bpy.types.Scene, faults: FaultCounts) -> FaultCounts:
+def _worth_reporting(scene: bpy.types.Scene, faults: FaultCounts) -> FaultCounts:
     """The faults to report. Inward normals of closed glass matter only to Cycles, which separates
     inside from outside by them.
     """
-    is_told = faults.n_open > 0 or bool(scene.kiriko_scene.looking)
-    return faults._replace(is_inside_out=faults.is_inside_out and is_told)
+    is_reported = faults.n_open > 0 or bool(scene.kiriko_scene.looking)
+    return faults._replace(is_inside_out=faults.is_inside_out and is_reported)
 
 
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:

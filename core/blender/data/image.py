@@ -150,7 +150,7 @@ def pack(image: bpy.types.Image, name: str) -> None:
     image[PACKED_MARK] = _read[image.session_uid] = token_hex(8)
 
 
-def read_anew(image: bpy.types.Image) -> bool:
+def read_again(image: bpy.types.Image) -> bool:
     """Have a packed image reload from its file on next use, unless its pixels are already that
     file's; returns whether it reloads.
 

@@ -23,7 +23,7 @@ MOVING = {"SEQUENCE", "MOVIE"}
 SETTINGS = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")
 # the last digits in a sequence's file name are the frame number
 NAME = re.compile(r"(.*?)(\d*)(\D*)")
-KEPT = 1 << 28  # bytes of frames a copy of a movie may gather before it is replaced
+MOST_BYTES = 1 << 28  # bytes of frames a copy of a movie may gather before it is replaced
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ class Reel:
         if is_movie and not self._n_read:
             _n_frames[_absolute(image)] = of[1], copy.frame_duration
         self._n_read += 1
-        if self._n_read * 4 * width * height > KEPT:
+        if self._n_read * 4 * width * height > MOST_BYTES:
             self._n_read = 0
         return copy
 

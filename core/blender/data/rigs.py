@@ -17,7 +17,7 @@ from .translation_context import data_name
 
 RIG = Message("Kiriko Rig")
 RIG_MARK = "kiriko_rig"  # on everything made by Add Rig: its original name
-KEPT_MARK = "kiriko_kept"  # on data made by a rig and kept in the file by Kiriko, not the artist
+STORED_MARK = "kiriko_kept"  # on data made by a rig and kept in the file by Kiriko, not the artist
 NUMBER = re.compile(r"\.\d{3,}$")
 
 
@@ -115,7 +115,7 @@ def mark_made(blocks: Iterable[bpy.types.ID]) -> None:
 def keep(block: bpy.types.ID) -> None:
     """Keep a replaced datablock in the file."""
     if RIG_MARK in block and not block.use_fake_user:
-        block[KEPT_MARK] = True
+        block[STORED_MARK] = True
     block.use_fake_user = True
 
 

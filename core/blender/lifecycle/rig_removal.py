@@ -8,7 +8,7 @@ from ...base.errors import RigError
 from ..data.changes import put_back
 from ..data.image import PACKED_MARK
 from ..data.made_objects import OBJECT_MARK
-from ..data.rigs import KEPT_MARK, RIG_MARK, held_by, rigs, with_copies
+from ..data.rigs import RIG_MARK, STORED_MARK, held_by, rigs, with_copies
 from ..data.screens import spaces
 from ..preview.viewer_render import remove_unused
 from ..result.on_display import MATERIAL_MARK
@@ -108,7 +108,7 @@ def _unused_elsewhere(
     groups = scene.collection.children_recursive
     here = {scene, rig, *(group for group in groups if not group.kiriko.is_rig)}
     users = bpy.data.user_map(subset=blocks)
-    going = {block for block in blocks if not block.use_fake_user or KEPT_MARK in block}
+    going = {block for block in blocks if not block.use_fake_user or STORED_MARK in block}
 
     while True:
         used = {block for block in going if _others(users[block], here | going)}

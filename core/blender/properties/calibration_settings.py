@@ -12,7 +12,7 @@ LATTICES = (
     ("DOTS", "Dots", "Bright dots on black"),
     ("GRID", "Grid", "Bright lines on black; their crossings are measured"),
 )
-KEPT = (
+RESULT_USES = (
     (
         "OFFSET",
         "As Offset",
@@ -141,7 +141,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     keep: EnumProperty(
         name="Keep",
-        items=KEPT,
+        items=RESULT_USES,
         default="OFFSET",
     )
     found: StringProperty()

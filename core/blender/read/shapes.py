@@ -84,15 +84,15 @@ class ShapeCache:
         self._shapes: dict[tuple[int, str, str], Shape] = {}
         self._met: dict[tuple[int, str, str], Shape] = {}
         self._pixels: dict[int, CachedPixels] = {}  # by session uid of the image
-        self._asked: set[int] = set()  # images used by this reading
+        self._used: set[int] = set()  # images used by this reading
         self._compared: set[int] = set()  # images without updates since they were compared
-        self._n_kept = 0  # shapes used by the last reading
+        self._n_used = 0  # shapes used by the last reading
         self.reel: Reel | None = None  # an open reel, which its owner closes
 
     @property
     def is_whole(self) -> bool:
         """Whether only places and settings have changed, so that the next reading is short."""
-        return self._are_compared and len(self._shapes) == self._n_kept > 0
+        return self._are_compared and len(self._shapes) == self._n_used > 0
 
     @property
     def _are_compared(self) -> bool:
@@ -101,9 +101,9 @@ class ShapeCache:
 
     def notice(self, depsgraph: bpy.types.Depsgraph, ours: Container[int] = ()) -> None:
         """Process a depsgraph's updates, except pixels of datablocks with session uids `ours`."""
-        anew = {thing.session_uid for thing in reshaped(depsgraph)}
-        if anew:
-            self._shapes = {key: one for key, one in self._shapes.items() if key[0] not in anew}
+        changed = {thing.session_uid for thing in reshaped(depsgraph)}
+        if changed:
+            self._shapes = {key: one for key, one in self._shapes.items() if key[0] not in changed}
 
         # a material, too, since a reloaded image gives no update of its own
         if any(map(depsgraph.id_type_updated, ("IMAGE", "MATERIAL"))):
@@ -166,7 +166,7 @@ class ShapeCache:
                     if not (is_same_frame and np.array_equal(pixels, before.pixels)):
                         self._pixels[uid] = CachedPixels(settings, content, pixels, notes_on(shown))
 
-        self._asked.add(uid)
+        self._used.add(uid)
         self._compared.add(uid)
         return self._pixels[uid].pixels
 
@@ -185,17 +185,17 @@ class ShapeCache:
         This reading's pixels follow.
         """
         self._shapes, self._met = self._met, {}
-        self._n_kept = len(self._shapes)
-        self._pixels = {uid: one for uid, one in self._pixels.items() if uid in self._asked}
-        self._asked.clear()
+        self._n_used = len(self._shapes)
+        self._pixels = {uid: one for uid, one in self._pixels.items() if uid in self._used}
+        self._used.clear()
 
 
 def reshaped(depsgraph: bpy.types.Depsgraph) -> list[bpy.types.Object]:
     """Objects whose shape Blender has re-evaluated. Others may be thousands, as while a scene is
     dragged or played, and cost one test each.
     """
-    anew = (update.id.original for update in depsgraph.updates if update.is_updated_geometry)
-    return [block for block in anew if block.id_type == "OBJECT"]
+    changed = (update.id.original for update in depsgraph.updates if update.is_updated_geometry)
+    return [block for block in changed if block.id_type == "OBJECT"]
 
 
 def used_materials(

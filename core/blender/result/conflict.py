@@ -20,12 +20,12 @@ class Conflict(NamedTuple):
     """Disagreement of several viewers about each display pixel.
 
     of_pixel : (H, W)
-    is_asked : (H, W), seen by any of them
+    is_seen : (H, W), seen by any of them
     unit : "px" of the picture for places, "white" for colours
     """
 
     of_pixel: Floats
-    is_asked: Bools
+    is_seen: Bools
     unit: str
 
     @property
@@ -39,7 +39,7 @@ def colours(conflict: Conflict) -> NDArray[np.float32]:
     end = max(conflict.largest, LEAST[conflict.unit])
     shown = linear_from_srgb(viridis(conflict.of_pixel.ravel() / end))
     shown = shown.reshape(*conflict.of_pixel.shape, 3)
-    return np.where(conflict.is_asked[..., None], shown, 0.0).astype(np.float32)
+    return np.where(conflict.is_seen[..., None], shown, 0.0).astype(np.float32)
 
 
 def write_conflict(scene: bpy.types.Scene, conflict: Conflict | None, is_packed: bool) -> None:

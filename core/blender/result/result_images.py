@@ -3,7 +3,7 @@
 import bpy
 
 from ...solve.solved_for import OF_NO_SCENE
-from ..data.image import is_out_of_date, read_anew
+from ..data.image import is_out_of_date, read_again
 from ..data.rigs import all_settings
 
 IMAGES = ("source", "seen", "preview", "conflict")
@@ -31,4 +31,4 @@ def read_images_again() -> None:
         if result.source is not None and is_out_of_date(result.source):
             result.solved_for = OF_NO_SCENE.as_text()
         for image in images_of(result):
-            read_anew(image)
+            read_again(image)

@@ -44,16 +44,16 @@ def narrow(space: bpy.types.SpaceView3D, names: Iterable[str], widened: Iterable
     layer = _layer(space)
     if layer is None:
         return
-    kept, then = set(names), set(widened)
+    names_before, then = set(names), set(widened)
     for thing in layer.objects:
         # Blender 4.2 gives no answer for object types that the view hides
         is_seen_else = getattr(space, f"show_object_viewport_{thing.type.lower()}", True)
         is_ours = thing.name in then and is_seen_else and is_visible(thing, layer)
         if is_ours and not _shows(space, thing):
             return
-    if not kept.isdisjoint(layer.objects.keys()):
+    if not names_before.isdisjoint(layer.objects.keys()):
         for thing in layer.objects:
-            thing.local_view_set(space, thing.name in kept)
+            thing.local_view_set(space, thing.name in names_before)
 
 
 def _shows(space: bpy.types.SpaceView3D, thing: bpy.types.Object) -> bool:
@@ -137,11 +137,11 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
     if viewer is None:
         raise no_camera()
     key = token_hex(8)
-    kept = []
+    changed = []
     try:
-        kept += [["", *one] for one in change(scene, SCENE)]
+        changed += [["", *one] for one in change(scene, SCENE)]
         with suppress(TypeError):
-            kept += [["", *one] for one in change(scene, VIEW)]
+            changed += [["", *one] for one in change(scene, VIEW)]
         is_elsewhere = elsewhere(scene)
         for thing in scene.objects:
             if thing.kiriko.role == "NONE" or not thing.is_editable:
@@ -153,12 +153,12 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
         _change(key, viewer, {})
         if viewer.type == "CAMERA" and viewer.data.is_editable:
             _change(key, viewer.data, {"show_passepartout": False})
-        kept += [[f"screen/{screen}", *one] for one in _enter_view(scene, viewer, space, window)]
+        changed += [[f"screen/{screen}", *one] for one in _enter_view(scene, viewer, space, window)]
     except BaseException:
-        _put_back(scene, Changed(key, kept))
+        _put_back(scene, Changed(key, changed))
         _put_things_back(key)
         raise
-    scene.kiriko_scene.looking = Changed(key, kept).text()
+    scene.kiriko_scene.looking = Changed(key, changed).text()
 
 
 def _change(key: str, thing: bpy.types.ID, values: dict[str, Any]) -> None:
@@ -230,22 +230,22 @@ def leave(scene: bpy.types.Scene, is_loaded: bool = False) -> None:
     is_loaded : the scene is from a file; Blender opens Rendered views as Solid
     """
     text, scene.kiriko_scene.looking = scene.kiriko_scene.looking, ""
-    kept = Changed.read(text)
+    changed = Changed.read(text)
     if is_loaded:
         changes = [
             [place, path, before, "SOLID" if path == "shading.type" else after]
-            for place, path, before, after in kept.changes
+            for place, path, before, after in changed.changes
         ]
-        kept = Changed(kept.rig, changes)
-    _put_back(scene, kept)
-    _put_things_back(kept.rig)
+        changed = Changed(changed.rig, changes)
+    _put_back(scene, changed)
+    _put_things_back(changed.rig)
 
 
 def views(scene: bpy.types.Scene) -> list[tuple[Any, bpy.types.Object | None]]:
     """The 3D views through the viewer, with their cameras."""
-    kept = Changed.read(scene.kiriko_scene.looking)
-    places = dict.fromkeys(place for place, *_ in kept.changes if place.startswith("screen/"))
-    return [(space, space.camera) for place in places for space in _owners(scene, place, kept)]
+    changed = Changed.read(scene.kiriko_scene.looking)
+    places = dict.fromkeys(place for place, *_ in changed.changes if place.startswith("screen/"))
+    return [(space, space.camera) for place in places for space in _owners(scene, place, changed)]
 
 
 def enter_again(
@@ -273,19 +273,19 @@ def enter_again(
 
 def put_views_back(scene: bpy.types.Scene, text: str) -> None:
     """Restore only the 3D views, after undo has restored the scene."""
-    kept = Changed.read(text)
-    views_only = [one for one in kept.changes if one[0].startswith("screen/")]
-    _put_back(scene, Changed(kept.rig, views_only))
+    changed = Changed.read(text)
+    views_only = [one for one in changed.changes if one[0].startswith("screen/")]
+    _put_back(scene, Changed(changed.rig, views_only))
 
 
-def _put_back(scene: bpy.types.Scene, kept: Changed) -> None:
+def _put_back(scene: bpy.types.Scene, changed: Changed) -> None:
     """Restore changes, the last one first. A view with another camera is left alone; a view that
     was
     turned away keeps its direction.
     """
-    poses = [one for one in kept.changes if one[3] is None]
-    for place, path, before, after in reversed(kept.changes):
-        for owner in _owners(scene, place, kept):
+    poses = [one for one in changed.changes if one[3] is None]
+    for place, path, before, after in reversed(changed.changes):
+        for owner in _owners(scene, place, changed):
             if path == "camera":
                 owner.use_local_camera = before[0]
                 # without a local camera, setting the view's camera would set the scene's
@@ -306,7 +306,7 @@ def _turn_back(space: Any, before: str, poses: list[list[Any]]) -> None:
             setattr(space.region_3d, path.removeprefix("region_3d."), value)
 
 
-def _owners(scene: bpy.types.Scene, place: str, kept: Changed) -> list[Any]:
+def _owners(scene: bpy.types.Scene, place: str, changed: Changed) -> list[Any]:
     """The owners at a place of the record: the scene, or the 3D views of a screen through the
     viewer.
     """
@@ -315,7 +315,7 @@ def _owners(scene: bpy.types.Scene, place: str, kept: Changed) -> list[Any]:
 
     # the viewer may have been renamed, deleted or replaced since
     viewers = {None, viewer_of(scene)}
-    viewers |= {thing for thing, _ in _marked(kept.rig) if isinstance(thing, bpy.types.Object)}
-    viewers |= {bpy.data.objects.get(one[3]) for one in kept.changes if one[1] == "camera"}
+    viewers |= {thing for thing, _ in _marked(changed.rig) if isinstance(thing, bpy.types.Object)}
+    viewers |= {bpy.data.objects.get(one[3]) for one in changed.changes if one[1] == "camera"}
     screen = place.removeprefix("screen/")
     return [s for s in spaces(screen) if s.use_local_camera and s.camera in viewers]

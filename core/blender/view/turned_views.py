@@ -25,13 +25,13 @@ def turn(
     space = area.spaces.active
     framing = image_framed(frame_of(camera, scene.render).size, window)
     screen, place = place_of(area)
-    kept = Changed.read(screen.get(TURNED_MARK, ""))
-    if place not in {one[0] for one in kept.changes}:
+    changed = Changed.read(screen.get(TURNED_MARK, ""))
+    if place not in {one[0] for one in changed.changes}:
         is_local = space.use_local_camera or scene.camera != camera
         before = _shown(space)
         _set(space.region_3d, FRAMING, framing)
         after = [is_local, camera.name, _values(space.region_3d, FRAMING)]
-        screen[TURNED_MARK] = Changed("", [*kept.changes, [place, before, after]]).text()
+        screen[TURNED_MARK] = Changed("", [*changed.changes, [place, before, after]]).text()
     if space.use_local_camera or scene.camera != camera:
         space.use_local_camera, space.camera = True, camera
     space.region_3d.view_perspective = "CAMERA"

@@ -73,7 +73,7 @@ def measure_choices(
             session.solve(rig, here), n / len(options), (n + 0.9) / len(options)
         )
         first = first or solution  # its map includes light past the glass, for all choices
-        seen = first.seen(solution.source, beside=True)
+        seen = first.seen(solution.source, past_glass=True)
         found.append(MeasuredChoice(ghosts, glare, psnr(seen - first.ideal())))
 
     return tuple(sorted(found))
