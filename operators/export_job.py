@@ -36,7 +36,7 @@ from ..core.light.mesh_cache import MeshCache
 from ..core.solve.first_picture import check_light
 from . import folder, needed, telling, work
 from .set_value import having
-from .viewer_reports import ALL, viewers_requested, choose_alone, naming_rig, naming_viewer
+from .viewer_reports import ALL, choose_alone, naming_rig, naming_viewer, viewers_requested
 
 MOST = 64  # frames of a job to try until one has a complete rig
 

@@ -8,7 +8,7 @@ import bpy
 
 from .. import bench_drawing, export_maps, folder, report, set_value, viewer_images, work
 from ..choose_rig import choose_by_name
-from ..viewer_reports import viewers_requested, naming_rig
+from ..viewer_reports import naming_rig, viewers_requested
 from . import to_folder
 
 
