@@ -304,9 +304,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
         is_there = scene.kiriko.picture_source == "IMAGE" or needed.has_part(scene, "PICTURE")
-        return needed.can_run(
-            cls, [] if is_there else [Message("No picture: set a plane's role to Picture")]
-        )
+        return needed.can_run(cls, [] if is_there else [needed.NEEDED["PICTURE"]])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
@@ -340,7 +338,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
 
 def without_offset(scene: bpy.types.Scene) -> list[str]:
     """Reason to refuse if there is no calibration to apply."""
-    return [] if scene.kiriko.calibration.offset else [Message("There is no calibration to apply")]
+    return [] if scene.kiriko.calibration.offset else [needed.NOTHING]
 
 
 class KIRIKO_OT_apply_calibration(bpy.types.Operator):

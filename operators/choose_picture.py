@@ -26,10 +26,12 @@ from ..core.blender.read import plane
 from ..core.blender.read import plane as blender_plane
 from ..core.blender.read.plane import fit, shown_as, squeezed_words
 from ..core.blender.read.scene_picture import check_readable
+from ..core.rig.rig import ROLES
 from . import needed, telling
 from .choose_rig import EndsWithRig
 from .needed import the_picture
 
+PICTURE = next(role for role in ROLES if role.name == "PICTURE")
 NO_FILM = Message("The picture is not a movie")
 
 
@@ -96,10 +98,17 @@ def why_no_picture(context: bpy.types.Context) -> list[str]:
 
     picture = the_picture(context)
     if picture is None:
-        return [Message("Select an object with the role {role}", role=Message("Picture"))]
+        return [Message("Select an object with the role {role}", role=PICTURE.label)]
 
     return (
-        [] if picture.is_editable else [Message("The object is linked. Change it in its own file")]
+        []
+        if picture.is_editable
+        else [
+            Message(
+                "The {noun} is linked from another file: change it there",
+                noun=PICTURE.noun,
+            )
+        ]
     )
 
 
@@ -246,7 +255,7 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
 
 
 def _unchanged(picture: bpy.types.Object, why: object) -> Message:
-    return Message("'{picture}' keeps its shape, for {why}.", picture=picture.name, why=why)
+    return Message("'{name}' keeps its size: {why}.", name=picture.name, why=why)
 
 
 def _opened(

@@ -63,7 +63,6 @@ def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) 
     )
     details = StoredNumbers.read(scene.kiriko.result.details).by_name
     if "tracing" not in details.get("seconds", {}) or "total_seconds" not in details:
-        lines.append(Message("Solve again to see the time each needs."))
         return lines
 
     # an atlas is for one viewer

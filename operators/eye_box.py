@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.base.errors import RigError
+from ..core.base.errors import RigError, out_of_range
 from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.steps import Steps, hold_progress, subprogress
@@ -30,7 +30,6 @@ class Remove:
     """Mix-in for an operator that removes a surface.
 
     surface : its name for `made_surface`
-    missing_text : reason to refuse if there is none
     """
 
     bl_options = {"REGISTER", "UNDO"}
@@ -38,7 +37,7 @@ class Remove:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         is_there = made_surface(context.scene, cls.surface) is not None
-        return needed.can_run(cls, [] if is_there else [cls.missing_text])
+        return needed.can_run(cls, [] if is_there else [needed.NOTHING])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         thing = made_surface(context.scene, self.surface)
@@ -55,7 +54,6 @@ class KIRIKO_OT_remove_visible_range(Remove, bpy.types.Operator):
     bl_idname = "kiriko.remove_visible_range"
     bl_label = "Remove Visible Range"
     surface = RANGE
-    missing_text = Message("There is no visible range")
 
 
 class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
@@ -147,7 +145,6 @@ class KIRIKO_OT_remove_eye_box(Remove, bpy.types.Operator):
     bl_idname = "kiriko.remove_eye_box"
     bl_label = "Remove Eye Box"
     surface = EYE_BOX
-    missing_text = Message("There is no eye box")
 
 
 class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
@@ -216,7 +213,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
 def check_limit(limit: float) -> None:
     """Raise RigError unless a limit, arcmin, is above 0; scripts may set any value."""
     if not 0 < limit < float("inf"):  # true for NaN as well
-        raise RigError("The limit is {limit:g} arcmin: set it above 0.", limit=limit)
+        raise out_of_range(Message("The rig"), "Limit", limit, 0)
 
 
 def check_share(share: float) -> None:
@@ -224,7 +221,7 @@ def check_share(share: float) -> None:
     value.
     """
     if not 0 < share <= 1:  # true for NaN as well
-        raise RigError("The share is {share:g}: set it above 0, up to 1.", share=share)
+        raise out_of_range(Message("The rig"), "Share", share, 0, 1)
 
 
 def of_blended(scene: bpy.types.Scene) -> list[Message]:

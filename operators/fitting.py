@@ -80,7 +80,7 @@ class FitsPart(long_work.LongWork):
         except RigError as why:
             raise RigError("'{name}' keeps its size: {why}.", name=thing.name, why=why) from None
         work.forget_report(scene)
-        changed = self._changed(scene, thing, fitted, is_moved)
+        changed = self._changed(scene, thing, fitted)
         return joined([changed, *_limit(scene, fitted)])
 
     def part(self, context: bpy.types.Context, rig: Rig) -> tuple[int, bpy.types.Object]:
@@ -113,9 +113,7 @@ class FitsPart(long_work.LongWork):
         self.level = "WARNING"
         return joined([text, Message("Still {lost}.", lost=listed(fitted.lost))])
 
-    def _changed(
-        self, scene: bpy.types.Scene, thing: bpy.types.Object, fitted: Fitted, is_moved: bool
-    ) -> Message:
+    def _changed(self, scene: bpy.types.Scene, thing: bpy.types.Object, fitted: Fitted) -> Message:
         """Report on the new size, and the fraction of the picture that arrives."""
         text = Message(
             "'{name}' is now {width} wide: {after} of the picture arrives ({before} before).",
@@ -124,9 +122,6 @@ class FitsPart(long_work.LongWork):
             after=percent(fitted.after),
             before=percent(fitted.before),
         )
-        if is_moved:
-            length = length_text(scene, float(np.linalg.norm(fitted.shift)))
-            text = joined([text, Message("Its centre moved by {length}.", length=length)])
         if listed(fitted.lost):
             text = joined([text, Message("Still {lost}.", lost=listed(fitted.lost))])
         if 0 < fitted.for_most < SMALLER * fitted.width:
@@ -192,7 +187,7 @@ class KIRIKO_OT_fit_picture_size(FitsPart, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.kiriko.picture_source == "IMAGE":
-            reason = Message("The picture is an image in the viewer's pixels and has no size")
+            reason = needed.NO_PLANE
             return needed.can_run(cls, [reason])
         return super().poll(context)
 

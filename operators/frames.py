@@ -409,12 +409,7 @@ def _test_card(
 
 def movie_report(wish: Wish, run: Run) -> Message:
     """A sentence on the finished movie."""
-    return Message(
-        "Wrote '{file}', {n} frames in {codec}.",
-        file=wish.file,
-        n=len(run.files),
-        codec=movie.CODECS[wish.codec].label,
-    )
+    return Message("Wrote '{written}'.", written=wish.file)
 
 
 class OfFrames(long_work.LongWork):

@@ -62,7 +62,7 @@ def status(scene: bpy.types.Scene | None = None) -> tuple[str, bool]:
     if live.phrase:  # same text as in the status bar
         return Message("Live: {phrase}...", phrase=live.phrase), False
     if live.is_working or not live.has_read:
-        return Message("Live: updating..."), False
+        return Message("Live: {phrase}...", phrase=Message("reading the scene")), False
     if live.seconds is None:  # the existing result was up to date
         return Message("Live: up to date."), False
 
@@ -190,7 +190,7 @@ def on_load(*_: object) -> None:
     for live in _lives:
         _left[live.uid] = live.is_unpacked
         live.is_unpacked = False
-    stop(Message("Live stopped: a file was loaded.") if _lives else "")
+    stop(Message("Live stopped: its scene is no longer open.") if _lives else "")
 
 
 @persistent

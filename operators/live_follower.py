@@ -156,7 +156,7 @@ class Live:
                 is_long = self._lasted.get(step, step.guess) > LONG
                 if is_long or self._text:
                     self.phrase = step.phrase
-                    now = Message("Kiriko Live: {phrase}...", phrase=step.phrase)
+                    now = Message("Live: {phrase}...", phrase=step.phrase)
                     if self._say(in_words(now)) and is_long:
                         return NOTICE
                 self._do(step, bpy.context)

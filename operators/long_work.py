@@ -271,7 +271,7 @@ class LongWork:
         stays = self.stays()
         stop = Message("Esc keeps {thing}", thing=stays) if stays else Message("Esc stops")
         text = Message(
-            "Kiriko: {button} {percent:.0f} %   ({stop})",
+            "{button} {percent:.0f} % ({stop})",
             button=as_message(self.bl_label),
             percent=100 * progress,
             stop=stop,

@@ -233,7 +233,7 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
 
         reasons = list(needed.missing_parts(scene))
         if not hasattr(scene, "cycles"):
-            reasons.insert(0, Message("Enable the add-on Cycles Render Engine"))
+            reasons.insert(0, needed.NO_CYCLES)
         if view_of(context) is None:
             reasons.append(Message("Open a 3D view"))
         return needed.can_run(cls, reasons)

@@ -14,7 +14,7 @@ from ..core.blender.data.camera_viewer import is_deleted
 from ..core.blender.data.made_objects import Workbench
 from ..core.blender.data.overridden import overridden
 from ..core.blender.data.rigs import active_rig, mark_made
-from ..core.blender.data.units import length_of_unit, length_text
+from ..core.blender.data.units import length_of_unit
 from ..core.blender.lifecycle.rig_objects import (
     in_units,
     make_display,
@@ -62,13 +62,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         side *= yield from subprogress(self._fitted(scene, rig, stand, pixels, width), 0.05, 1.0)
         thing = self._made(scene, stand, side, pixels, metres)
         context.view_layer.update()
-        if self.role == "VIEWER":
-            return Message("Made '{name}'.", name=thing.name)
-        return Message(
-            "Made '{name}', {width} wide.",
-            name=thing.name,
-            width=length_text(scene, side),
-        )
+        return Message("Made '{name}'.", name=thing.name)
 
     def _fitted(
         self,

@@ -22,16 +22,17 @@ NEEDED = {
     **{
         role.name: Message("No {noun}: {remedy}", noun=role.noun, remedy=role.remedy)
         for role in ROLES
-        if role.remedy and role.number is not None
+        if role.remedy
     },
-    "PICTURE": Message("No picture: choose an image, or set a textured plane's role to Picture"),
-    "VIEWER": Message("No viewer: choose a camera"),
 }
 MISSED = {role.name for role in ROLES if role.is_missed}
 NO_PLATE = Message("The rig's plate is missing: make a new one, or remove it from the rig")
 NO_MIRRORS = Message("No plate with mirrors to simulate: use Preview")
 UNSOLVED = Message("No source image yet: solve first")
 NO_RIG = Message("Add a rig first")
+NO_CYCLES = Message("Enable the add-on Cycles Render Engine")
+NOTHING = Message("There is nothing to apply or remove")
+NO_PLANE = Message("The picture is an image without a plane: set Picture to Plane")
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
 LEAVE_EDIT_MODE = Message("Leave Edit Mode first")
 LEAVE_SCULPT_MODE = Message("Leave Sculpt Mode first")

@@ -44,7 +44,7 @@ class GivesProduct(NamesPart):
         if found and not any(thing.is_editable for thing in found):
             reasons.append(
                 Message(
-                    "The {noun} is linked from another file: choose its product there",
+                    "The {noun} is linked from another file: change it there",
                     noun=NOUNS[cls.role],
                 )
             )
@@ -53,7 +53,7 @@ class GivesProduct(NamesPart):
     @classmethod
     def no_part(cls) -> Message:
         """The reason if there is no part to give a product to, or more than one."""
-        return Message("Select the {noun} first", noun=NOUNS[cls.role])
+        return Message("Select an object with the role {role}", role=NOUNS[cls.role])
 
     def part_in(self, context: bpy.types.Context) -> bpy.types.Object:
         """The part that gets the product; RigError if several could."""
@@ -336,12 +336,13 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
     def _check(self, thing: bpy.types.Object) -> None:
         if not (thing.is_editable and thing.data.is_editable):
             raise MeshError(
-                "'{name}' is linked from another file: make it local first.", name=thing.name
+                "'{name}' is linked from another file: change it there, or make it local.",
+                name=thing.name,
             )
 
         if not len(thing.data.polygons):
             raise MeshError(
-                "'{name}' has no faces. Add some, or deselect it for a new plane.",
+                "'{name}' has no faces. Add some, or deselect it.",
                 name=thing.name,
             )
 

@@ -76,9 +76,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         scene = context.scene
         reasons = needed.linked(scene) + needed.unsolved(scene) + needed.missing_parts(scene)
         if not hasattr(scene, "cycles"):
-            reasons.insert(
-                0, Message("The preview needs Cycles: enable the add-on Cycles Render Engine")
-            )
+            reasons.insert(0, needed.NO_CYCLES)
         if bpy.app.is_job_running("RENDER"):
             reasons.insert(0, Message("A render is running: wait for it or stop it"))
         return needed.can_run(cls, reasons)

@@ -24,7 +24,6 @@ from ..core.solve.solved_for import SolvedFor
 from . import automatic, long_work, needed, telling, work, wrapping
 from .needed import the_picture
 
-NOTHING = Message("There is no proposal for the rig as it is")
 WIDTH, SPACE = 420, 40  # px of the dialogue, and of the space next to its text
 SAME = 1e-6  # of a matrix's entries: smaller differences count as unmoved
 
@@ -82,7 +81,7 @@ def refuse_changed(context: bpy.types.Context, proposal: ProposedChange) -> None
     """Raise RigError if the scene differs from the proposal's."""
     if not proposal.scene.is_same(work.scene_now(context)):
         raise RigError(
-            "The scene has changed since: press {label} again.",
+            "{label} is outdated: press it again.",
             label=as_message(proposal.label),
         )
 
@@ -165,7 +164,7 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
             return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
-        return needed.can_run(cls, [NOTHING] if current(context.scene) is None else [])
+        return needed.can_run(cls, [needed.NOTHING] if current(context.scene) is None else [])
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
@@ -203,7 +202,7 @@ class KIRIKO_OT_drop_proposal(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, [NOTHING] if current(context.scene) is None else [])
+        return needed.can_run(cls, [needed.NOTHING] if current(context.scene) is None else [])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         drop()
@@ -311,7 +310,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.kiriko.picture_source == "IMAGE":
-            reason = Message("The picture is an image in the viewer's pixels and has no place")
+            reason = needed.NO_PLANE
             return needed.can_run(cls, [reason])
         return super().poll(context)
 

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..core.base.errors import MeshError, RigError
-from ..core.base.messages import Message, joined
+from ..core.base.messages import Message, as_message
 from ..core.bench.placement import REFERENCE_BENCH
 from ..core.blender.checks.faults import counts_of
 from ..core.blender.checks.inspect_scene import sides_of
@@ -57,7 +57,10 @@ class RepairsPart(NamesPart):
 def _check_own(thing: bpy.types.Object, block: bpy.types.ID) -> None:
     """Refuse a linked object or mesh, under the name the artist sees."""
     if not block.is_editable:
-        raise RigError("'{name}' is linked from another file: change it there.", name=thing.name)
+        raise RigError(
+            "'{name}' is linked from another file: change it there, or make it local.",
+            name=thing.name,
+        )
 
 
 def _check_faces(thing: bpy.types.Object, has_faces: object) -> None:
@@ -121,6 +124,12 @@ class RepairsMesh(RepairsPart):
         _check_own(thing, thing.data)
         _check_faces(thing, thing.data.polygons)
         return self.repair_mesh(thing, thing.data)
+
+    def applied_to(self, thing: bpy.types.Object) -> Message:
+        """The report that it was done to an object."""
+        return Message(
+            "Applied {button} to '{name}'.", button=as_message(self.bl_label), name=thing.name
+        )
 
 
 @contextmanager
@@ -191,7 +200,7 @@ class KIRIKO_OT_fill_holes(RepairsMesh, bpy.types.Operator):
         n = counts_of(mesh).n_open
         if n:
             return Message("'{name}' still has {n} open edges.", n=n, name=thing.name)
-        return Message("Closed all holes of '{name}'.", name=thing.name)
+        return self.applied_to(thing)
 
 
 class KIRIKO_OT_turn_out(RepairsMesh, bpy.types.Operator):
@@ -202,7 +211,7 @@ class KIRIKO_OT_turn_out(RepairsMesh, bpy.types.Operator):
 
     def repair_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         _turn_out(mesh)
-        return Message("The faces of '{name}' now point outward.", name=thing.name)
+        return self.applied_to(thing)
 
 
 class KIRIKO_OT_shade_smooth(RepairsMesh, bpy.types.Operator):
@@ -217,7 +226,7 @@ class KIRIKO_OT_shade_smooth(RepairsMesh, bpy.types.Operator):
         _turn_out(mesh)
         mesh.shade_smooth()
         _mark_sharp(mesh)
-        return Message("'{name}' is now shaded smooth.", name=thing.name)
+        return self.applied_to(thing)
 
 
 class KIRIKO_OT_smooth_glass(RepairsMesh, bpy.types.Operator):
@@ -286,8 +295,7 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
             factor=f"{self.factor:g}",
         )
         with telling.errors_reported(self):
-            if _keep_bench(context, before, unit):
-                text = joined([text, Message("Kiriko's own parts keep practical sizes.")])
+            _keep_bench(context, before, unit)
             telling.report(self, "INFO", text)
         return {"FINISHED"}
 

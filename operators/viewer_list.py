@@ -204,9 +204,10 @@ def _looked_at(
         away = length_of_unit(scene) * camera.data.stereo.convergence_distance
         if not away > 0:  # NaN from a script
             raise RigError(
-                "The viewer '{viewer}' converges at {away:g} m: set a length in its camera's"
-                " Stereoscopy.",
+                "The eyes of '{viewer}' are {apart:g} m apart and converge at {away:g} m: set both"
+                " in its camera's Stereoscopy.",
                 viewer=camera.name,
+                apart=length_of_unit(scene) * camera.data.stereo.interocular_distance,
                 away=away,
             )
         return viewer.position + away * viewer.axes[2], Message("its Convergence Plane Distance")

@@ -12,7 +12,7 @@ ICONS = {"IN_GLASS": "MATSPHERE", "BEHIND_GLASS": "RESTRICT_VIEW_OFF"}
 def labels_of(words: str) -> list[str]:
     """Labels of the buttons that add a rig, one for each kind: `words: kind`."""
     texts = (
-        Message("{words}: {kind}", words=as_message(words), kind=as_message(label))
+        Message("{part}: {amount}", part=as_message(words), amount=as_message(label))
         for _, label, _ in KINDS
     )
     return [in_words(text) for text in texts]

@@ -133,9 +133,10 @@ def draw_progress(layout: bpy.types.UILayout) -> None:
     """The progress of an operator's long work."""
     operator = work.running()
     text = Message(
-        "{button} {percent:.0f} % (Esc stops)",
+        "{button} {percent:.0f} % ({stop})",
         button=as_message(operator.bl_label),
         percent=100 * operator.progress,
+        stop=Message("Esc stops"),
     )
     layout.progress(factor=min(max(operator.progress, 0.0), 1.0), text=in_words(text))
 

@@ -128,8 +128,12 @@ class Help:
         """
         amount = length_text(self.amount)
         clause = {
-            "kiriko.fit_plate": Message("make the plate {amount} larger", amount=amount),
-            "kiriko.fit_display": Message("make the display {amount} larger", amount=amount),
+            "kiriko.fit_plate": Message(
+                "make the {part} {amount} larger", part=Message("plate"), amount=amount
+            ),
+            "kiriko.fit_display": Message(
+                "make the {part} {amount} larger", part=Message("display"), amount=amount
+            ),
             "kiriko.fit_picture_size": Message("make the picture {amount} wide", amount=amount),
             "kiriko.best_place": Message("move it"),
         }[self.operator]

@@ -14,12 +14,11 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats
 from ..base.errors import RigError
-from ..base.messages import Message
 from ..base.steps import subprogress
 from ..image.flat_picture import mesh_mapping, not_flat
 from ..light.display import affine_fit
 from ..light.plan import Plan
-from ..rig.rig import Display, PicturePlace, Plate, Rig
+from ..rig.rig import ROLES, Display, PicturePlace, Plate, Rig, owner
 from .largest_square import Bundle, best_place, grid_over, largest_about
 from .picture_light import (
     MOST,
@@ -49,6 +48,7 @@ class Wanted:
     n_grid: int = 0
 
 
+ROLE = {role.name: role for role in ROLES}
 ROOM_SPARE = 1.01  # size relative to the least that the light needs
 MOST_PLATE = 4.0  # times its present size
 MOST_DISPLAY = 10.0  # times the picture's longer side
@@ -86,14 +86,14 @@ def display_outline(display: Display) -> Outline:
     """Outline of a flat display, along the rows of its image."""
     mesh = display.mesh
     fit, _ = affine_fit(mesh.uv.reshape(-1, 2), mesh.corners.reshape(-1, 3))
-    return outline_of(mesh, fit[0], Message("The display '{name}'", name=display.name))
+    return outline_of(mesh, fit[0], owner(ROLE["DISPLAY"], display))
 
 
 def plate_outline(plate: Plate) -> Outline:
     """Outline of a plate, along the side that orients its mirrors."""
     corners = plate.mesh.corners
     side = corners[0, 1] - corners[0, 0] if plate.side is None else plate.side
-    return outline_of(plate.mesh, side, Message("The plate '{name}'", name=plate.name))
+    return outline_of(plate.mesh, side, owner(ROLE["PLATE"], plate))
 
 
 def fit_display(
@@ -258,9 +258,7 @@ def plane_of(rig: Rig) -> Plane:
     """
     place = rig.picture_place
     if place.mesh is None:
-        raise RigError(
-            "The picture is an image in the viewer's pixels and has no size: use a picture plane."
-        )
+        raise RigError("The picture is an image in the viewer's pixels: use a picture plane.")
     if any(mesh_mapping(place.mesh, viewer) is None for viewer in rig.viewers):
         raise not_flat(place)
 

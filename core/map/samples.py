@@ -254,12 +254,14 @@ def _check_memory(plan: Plan, n_rays: int) -> None:
         BYTES_OF_POINT * n_rays,
         Message("Sampling where light is chaotic"),
         Message(
-            "lower Effort ({effort}), or the resolution of the viewer '{viewer}'"
-            " ({viewer_width} x {viewer_height})",
+            "lower Effort ({effort}), or {remedy}",
             effort=effort,
-            viewer=viewer.name,
-            viewer_width=viewer.width,
-            viewer_height=viewer.height,
+            remedy=Message(
+                "lower the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
+                viewer=viewer.name,
+                viewer_width=viewer.width,
+                viewer_height=viewer.height,
+            ),
         ),
     )
 

@@ -71,7 +71,7 @@ class Glass(Part):
         """Raise MeshError if it encloses nothing."""
         if self.mesh.is_flat:
             raise MeshError(
-                "{owner} is flat: add a Solidify modifier, or set its role to None.",
+                "{owner} is flat: add a Solidify modifier.",
                 owner=owner,
             )
 
@@ -210,9 +210,7 @@ class PicturePlace(Part):
     def check_still(self) -> None:
         """Raise RigError if it moves with the viewer, who has to see it from elsewhere."""
         if self.mesh is None:
-            raise RigError(
-                "The picture fills the viewer's image and moves with it: choose a picture plane."
-            )
+            raise RigError("The picture is an image in the viewer's pixels: use a picture plane.")
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError if its plane cannot hold an image."""

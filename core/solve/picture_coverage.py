@@ -131,11 +131,15 @@ REMEDIES = {
     Reason.LOST_INSIDE: Message(
         "every ray is lost inside the glass: check it for intersecting faces"
     ),
-    Reason.MISSED_PLATE: Message("no ray reaches the plate: move or enlarge it"),
+    Reason.MISSED_PLATE: Message(
+        "no ray reaches the {part}: move or enlarge it", part=Message("plate")
+    ),
     Reason.BLOCKED: Message(
         "every ray is blocked: move the blockers, or turn the display's front to the rig"
     ),
-    Reason.MISSED_DISPLAY: Message("no ray reaches the display: move or enlarge it"),
+    Reason.MISSED_DISPLAY: Message(
+        "no ray reaches the {part}: move or enlarge it", part=Message("display")
+    ),
     Reason.CUT_OFF: Message(
         "every ray needs more than Max Events: raise it, or simplify the glass"
     ),

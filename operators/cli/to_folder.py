@@ -151,7 +151,7 @@ def products_given(
     """Apply the requested products to the open file; yields a line for each."""
     for given in _with_products(context, arguments):
         if not given.is_whole:
-            raise RigError("{given}", given=given.text)
+            raise RigError("{reason}", reason=given.text)
         yield given.text
 
 
@@ -282,7 +282,7 @@ def solve_frames(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if arguments.movie is None:
         yield from progress_in_tenths(frames.solved(context, run, tally))
         if tally.failed:
-            raise RigError("{told}", told=tally.sentence(arguments.out))
+            raise RigError("{reason}", reason=tally.sentence(arguments.out))
         yield tally.sentence(arguments.out)
         return
 

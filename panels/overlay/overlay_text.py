@@ -94,7 +94,7 @@ def _names(context: bpy.types.Context) -> Iterator[Label]:
     for thing in parts_of(context.scene):
         if (thing.select_get() or thing.name == pointed) and not thing.show_name:
             place = np.array(thing.matrix_world.translation)
-            yield Label(place, Message("{name}", name=thing.name), None, colours.DIMENSION)
+            yield Label(place, Message("{reason}", reason=thing.name), None, colours.DIMENSION)
 
 
 def length_now(scene: bpy.types.Scene, drawing: SketchDrawing, length: float) -> float:

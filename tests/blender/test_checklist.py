@@ -822,7 +822,7 @@ def test_a_viewer_that_was_deleted_is_made_anew_beside_other_cameras(
     place = np.array(viewer.matrix_world)
     scene.collection.children[0].objects.unlink(viewer)
     (entry,) = look()
-    assert entry.text == "No viewer: choose a camera."
+    assert entry.text == "No viewer: add a camera and make it the viewer."
     assert [str(button.label) for button in entry.buttons] == [
         "Make a Viewer",
         "Use 'Camera' as Viewer",

@@ -270,7 +270,7 @@ def test_remove_rig_leaves_the_view_first(scene, rig):
 def test_without_a_viewer_the_button_is_grey(scene, rig):
     """And says why."""
     scene.kiriko.viewer = scene.camera = None
-    with pytest.raises(RuntimeError, match="No viewer: choose a camera"):
+    with pytest.raises(RuntimeError, match="No viewer: add a camera"):
         bpy.ops.kiriko.look_through()
 
 

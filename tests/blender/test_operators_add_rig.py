@@ -240,13 +240,11 @@ def test_the_camera_that_blender_goes_on_showing_is_told(
 
 
 def test_a_wide_display_says_why(scene: bpy.types.Scene) -> None:
-    """It names the part of the picture whose light spreads so
-    far, and a smaller display, which keeps its promise.
-    """
+    """It names a smaller display, which keeps its promise."""
     bpy.ops.kiriko.add_rig(picture_size=0.035, display_resolution=(480, 270))
     text = scene.kiriko.result.summary
     found = re.search(
-        r"light from the picture's upper side: .* set Display to ([\d.]+) m, for (\d+) %",
+        r"times as wide as the picture: .* set Display to ([\d.]+) m, for (\d+) %",
         text,
     )
     width = float(found.group(1))

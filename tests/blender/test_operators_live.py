@@ -375,7 +375,7 @@ def test_what_solve_has_written_stays(live, written):
     bpy.ops.ed.undo_push(message="solved")
     for _ in range(2):
         bpy.ops.kiriko.live()
-        assert live.status() == ("Live: updating...", False)
+        assert live.status() == ("Live: reading the scene...", False)
         settle(live)
         assert written == []
         assert live.status() == ("Live: up to date.", False)
@@ -633,9 +633,9 @@ def load_a_copy_of_the_file(path: str) -> None:
 
 STOPS = {
     show_another_scene: "its scene is no longer open.",
-    load_another_file: "a file was loaded.",
-    load_the_file_again: "a file was loaded.",
-    load_a_copy_of_the_file: "a file was loaded.",
+    load_another_file: "its scene is no longer open.",
+    load_the_file_again: "its scene is no longer open.",
+    load_a_copy_of_the_file: "its scene is no longer open.",
 }
 
 

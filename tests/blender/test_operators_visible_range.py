@@ -58,7 +58,7 @@ def test_it_is_removed_with_its_mesh(scene):
     assert inventory() != before
     assert bpy.ops.kiriko.remove_visible_range() == {"FINISHED"}
     assert inventory() == before
-    with pytest.raises(RuntimeError, match="There is no visible range"):
+    with pytest.raises(RuntimeError, match="There is nothing to apply or remove"):
         bpy.ops.kiriko.remove_visible_range()
 
 

@@ -216,5 +216,5 @@ def test_a_product_in_the_list_is_that_of_its_line(
     assert "iPhone 15" in drawn("rig_panel", "VIEW3D_PT_kiriko_rig", parts["GLASS"]).labels
     assert bpy.ops.kiriko.plate_preset.poll()  # the rig's only one
     assert bpy.ops.kiriko.plate_preset(preset="ASKA3D-200") == {"FINISHED"}
-    with pytest.raises(RuntimeError, match="Select the display first"):
+    with pytest.raises(RuntimeError, match="Select an object with the role display"):
         bpy.ops.kiriko.display_preset(part=parts["GLASS"].name, preset="iPhone 15")

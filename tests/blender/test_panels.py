@@ -273,7 +273,7 @@ def test_a_list_selects_what_it_names(drawn):
         bpy.ops.kiriko.select_part(part="Kiriko Plate")
     bpy.ops.kiriko.show_part(part="Kiriko Plate")
     assert bpy.ops.kiriko.select_part(part="Kiriko Plate") == {"FINISHED"}
-    with pytest.raises(RuntimeError, match="object 'nobody' no longer exists"):
+    with pytest.raises(RuntimeError, match="'nobody' is no longer in the rig"):
         bpy.ops.kiriko.select_part(part="nobody")
 
 

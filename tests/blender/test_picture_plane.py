@@ -251,11 +251,11 @@ def test_a_plane_that_cannot_be_fitted_says_why(scene, capfd, way, reason):
     before = np.array(thing.matrix_world)
     capfd.readouterr()
     assert choose(image(90, 30)) == {"FINISHED"}
-    assert f"'thing' keeps its shape, for {reason}." in capfd.readouterr().out
+    assert f"'thing' keeps its size: {reason}." in capfd.readouterr().out
     assert texture_of(thing).image.name == "art"
     assert np.array_equal(np.array(thing.matrix_world), before)
 
-    with pytest.raises(RuntimeError, match=re.escape(f"'thing' keeps its shape, for {reason}")):
+    with pytest.raises(RuntimeError, match=re.escape(f"'thing' keeps its size: {reason}")):
         bpy.ops.kiriko.fit_picture()
 
 

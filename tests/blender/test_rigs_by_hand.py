@@ -66,7 +66,7 @@ def test_a_viewer_that_was_deleted_is_missing(kiriko: ModuleType, scene: bpy.typ
     rig.objects.unlink(viewer)
     assert scene.kiriko.viewer == viewer
     assert needed.missing_parts(scene) == [needed.NEEDED["VIEWER"]]
-    with pytest.raises(RuntimeError, match="No viewer: choose a camera"):
+    with pytest.raises(RuntimeError, match="No viewer: add a camera"):
         bpy.ops.kiriko.solve()
     scene.camera = viewer
     assert needed.missing_parts(scene) == [needed.NEEDED["VIEWER"]]

@@ -291,7 +291,7 @@ def test_stereo_settings_that_are_no_lengths_are_told(
         bpy.ops.kiriko.two_eyes()
     if name == "convergence_distance":
         ours().picture_source = "IMAGE"
-        with pytest.raises(RuntimeError, match="'Kiriko Viewer' converges at nan m"):
+        with pytest.raises(RuntimeError, match="converge at nan m"):
             bpy.ops.kiriko.viewer_grid()
     assert (inventory(), listed()) == (before, [])
 

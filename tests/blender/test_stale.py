@@ -13,7 +13,7 @@ from small_rigs import new_object, primitive, small_rig
 
 pytestmark = pytest.mark.usefixtures("no_remedies")
 
-CHANGED = "The scene has changed since"
+CHANGED = "The scene has changed"
 
 
 @pytest.fixture

@@ -332,7 +332,7 @@ def test_heads_that_cannot_be_are_one_sentence():
     with pytest.raises(RigError, match="is orthographic"):
         check_viewer(replace(slab.viewer, projection="orthographic"), slab.picture_place)
     own = replace(slab.picture_place, mesh=None)
-    with pytest.raises(RigError, match="moves with it"):
+    with pytest.raises(RigError, match="use a picture plane"):
         check_viewer(slab.viewer, own)
     with pytest.raises(RigError, match="2 head positions"):
         drain(refine(maker(slab), ASIDE, slab.picture_place, 1e-6, 2))

@@ -21,10 +21,9 @@ from .to_do import ADVICE, PROBLEM, SOLVE, Button, Entry, Inspection, Named, Thi
 
 SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}
 MADE = {
-    "DISPLAY": Message("Make a Display"),
-    "PICTURE": Message("Make a Picture"),
-    "VIEWER": Message("Make a Viewer"),
-    "PLATE": Message("Make a Plate"),
+    role.name: Message("Make a {part}", part=role.label)
+    for role in ROLES
+    if role.name in {"DISPLAY", "PICTURE", "VIEWER", "PLATE"}
 }
 MOST_OFFERED = 2  # possible glass objects
 LARGEST = 0.5  # m: wider glass was probably drawn without a size in mind
@@ -43,11 +42,11 @@ BEST_PLACE = Button("kiriko.best_place", Message("Best Place"))
 TURN_BACK = Button("kiriko.turn_back", Message("Rotate to Recover"))
 REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
     REASON_WORDS[Reason.MISSED_PLATE]: (
-        Message("make the plate larger, or the picture smaller"),
+        Message("make the {part} larger, or the picture smaller", part=Message("plate")),
         (FIT_PLATE, FIT_PICTURE),
     ),
     REASON_WORDS[Reason.MISSED_DISPLAY]: (
-        Message("make the display larger, or the picture smaller"),
+        Message("make the {part} larger, or the picture smaller", part=Message("display")),
         (FIT_DISPLAY, FIT_PICTURE),
     ),
     REASON_WORDS[Reason.MISSED_GLASS]: (
@@ -308,7 +307,7 @@ def _solve(seen: Inspection) -> Entry:
             Message("This is only a rough image. Press Solve for the final one."), PROBLEM, solve
         )
     if seen.is_stale:
-        return Entry(Message("The scene has changed since the last solve."), PROBLEM, solve)
+        return Entry(Message("The scene has changed: solve again."), PROBLEM, solve)
     return Entry(Message("The result has no figures yet."), ADVICE, solve)
 
 

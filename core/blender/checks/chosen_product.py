@@ -155,21 +155,20 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
     given = []
 
     for thing, is_override in by_override.items():
-        names = {"glass": thing.name, "preset": as_message(product.name), "ior": f"{product.ior:g}"}
         if is_override:
             thing.kiriko.use_ior, thing.kiriko.ior = True, product.ior
-            text = Message("'{glass}' is now {preset}: its Override IOR is {ior}.", **names)
         else:
             shown = materials_as_shown(bpy.context.scene, thing)
             materials = [m for m in shown if _index_of(m) is not None]
             for material in materials:
                 _index_of(material).default_value = product.ior
                 material.node_tree.update_tag()
-            text = Message(
-                "'{glass}' is now {preset}: the IOR of its material '{material}' is {ior}.",
-                **names,
-                material="', '".join(m.name for m in materials),
-            )
+        text = Message(
+            "'{name}' is now {preset} ({size}).",
+            name=thing.name,
+            preset=as_message(product.name),
+            size=Message("{setting} {value}", setting=Message("IOR"), value=f"{product.ior:g}"),
+        )
         given.append(Given(text))
 
     return given

@@ -208,8 +208,8 @@ def _check_bodies(
 
         if part.mesh.is_flat:
             raise RigError(
-                "{name} is flat. Add a Solidify modifier, or deselect it.",
-                name=name,
+                "{owner} is flat: add a Solidify modifier.",
+                owner=name,
             )
 
 

@@ -183,7 +183,11 @@ class PreviewParts:
         """Put the viewer into the scene, as evaluated and calibrated."""
         viewer = viewer_of(scene)
         if viewer is None or viewer.type != "CAMERA":
-            raise RigError("The rig has no viewer: add a camera and make it the viewer.")
+            raise RigError(
+                "The rig has no {noun}: {remedy}.",
+                noun=ROLES[0].noun,
+                remedy=ROLES[0].remedy,
+            )
 
         evaluated = viewer.evaluated_get(depsgraph)
         camera = mark(evaluated.data.original.copy())

@@ -6,6 +6,7 @@ from pathlib import Path
 import bpy
 
 from ...base.errors import RigError
+from ...base.messages import Message
 from ..data.camera_viewer import frame_of, viewer_of
 
 
@@ -74,14 +75,11 @@ def set_render(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options, 
 
 
 def _use_cycles(render: bpy.types.RenderSettings) -> None:
-    engines = {item.identifier for item in render.bl_rna.properties["engine"].enum_items}
     try:
         render.engine = "CYCLES"
     except TypeError:
         raise RigError(
-            "The preview needs Cycles, but only {engines} is available. Enable Cycles in the"
-            " preferences.",
-            engines=", ".join(sorted(engines)),
+            "{reason}.", reason=Message("Enable the add-on Cycles Render Engine")
         ) from None
 
 

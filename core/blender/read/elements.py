@@ -220,7 +220,7 @@ def read_picture(part: WorldPart, cache: ShapeCache) -> tuple[Picture, list[str]
     image, timing, notes = shown_image(part)
     number = number_at(image, timing, part.frame)
     tone = tone_of(part.owner.kiriko.picture)
-    pixels = cache.pixels(image, Message("the picture '{name}'", name=name), tone, number)
+    pixels = cache.pixels(image, Message("the picture '{picture}'", picture=name), tone, number)
     notes += ended(image, timing, part.frame)
 
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), pixels.shape[1::-1])):

@@ -263,4 +263,4 @@ def _image_size(thing: bpy.types.Object, scene: bpy.types.Scene) -> tuple[int, i
 
 
 def _owner(thing: bpy.types.Object) -> Message:
-    return Message("the picture '{name}'", name=thing.name)
+    return Message("the picture '{picture}'", picture=thing.name)
