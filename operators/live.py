@@ -150,7 +150,7 @@ def tick() -> float | None:
         return None
 
     if wait is None:
-        stop(Message("Live stopped: its scene is no longer open."))
+        stop(Message("Live stopped: its scene isn't open."))
 
     return wait
 
@@ -190,7 +190,7 @@ def on_load(*_: object) -> None:
     for live in _lives:
         _left[live.uid] = live.is_unpacked
         live.is_unpacked = False
-    stop(Message("Live stopped: its scene is no longer open.") if _lives else "")
+    stop(Message("Live stopped: its scene isn't open.") if _lives else "")
 
 
 @persistent

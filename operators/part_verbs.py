@@ -27,7 +27,7 @@ class NamesPart:
         """The object; RigError if it is gone."""
         thing = bpy.data.objects.get((self.part, self.library or None))
         if thing is None:
-            raise RigError("'{name}' is no longer in the rig.", name=self.part)
+            raise RigError("'{name}' isn't in the rig now.", name=self.part)
         return thing
 
 

@@ -80,7 +80,7 @@ class KIRIKO_OT_leave_out(RepairsPart, bpy.types.Operator):
 
     def repair(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         thing.kiriko.role = "NONE"
-        return Message("'{name}' is no longer in the rig.", name=thing.name)
+        return Message("'{name}' isn't in the rig now.", name=thing.name)
 
 
 class KIRIKO_OT_thicken(RepairsPart, bpy.types.Operator):

@@ -134,7 +134,7 @@ def _found(path: str) -> _FoundProperty:
     has_rows = sum(n > 0 for n in getattr(known, "array_dimensions", ())) > 1
     if known is None or known.is_readonly or has_rows or (index and not n_numbers):
         raise RigError(
-            "There is no property '{path}': name it like objects[\"Glass\"].kiriko.ior, or"
+            "The property '{path}' doesn't exist: name it like objects[\"Glass\"].kiriko.ior, or"
             " kiriko.tolerance for the scene.",
             path=path,
         )

@@ -632,10 +632,10 @@ def load_a_copy_of_the_file(path: str) -> None:
 
 
 STOPS = {
-    show_another_scene: "its scene is no longer open.",
-    load_another_file: "its scene is no longer open.",
-    load_the_file_again: "its scene is no longer open.",
-    load_a_copy_of_the_file: "its scene is no longer open.",
+    show_another_scene: "its scene isn't open.",
+    load_another_file: "its scene isn't open.",
+    load_the_file_again: "its scene isn't open.",
+    load_a_copy_of_the_file: "its scene isn't open.",
 }
 
 
