@@ -90,15 +90,16 @@ PLATES = {
             "ASKA3D-488",
             MirrorArray(pitch=0.5e-3, height=1.25e-3),
             side=0.488,
-            source="Kiuchi and Koizumi, Computers & Graphics 96 (2021), for the mirrors; the name"
-            " has the side in mm",
+            source="Kiuchi and Koizumi, Computers & Graphics 96 (2021), for the mirrors; the"
+            " number in the name is the side in mm",
         ),
         PlateProduct(
             "ASKA3D-200",
             MirrorArray(pitch=0.3e-3, height=0.75e-3),
             side=0.2,
-            source="Kurihara and Bao, J. Imaging 11 (2025) 150, for side and pitch; no page with"
-            " the layers' height was at hand: they are as in the ASKA3D-488, 2.5 pitches",
+            source="Kurihara and Bao, J. Imaging 11 (2025) 150, for side and pitch; we found no"
+            " source for the layers' height, so it is taken from the ASKA3D-488: 2.5"
+            " pitches",
         ),
     )
 }
@@ -128,8 +129,8 @@ DISPLAYS = {
         ),
         _by_density(
             "iPad Pro 12.9 (2022)", "Tablets", (2732, 2048), 264, 600.0,
-            "pixels to the inch as the first iPad Pro, Link-man, 2015; brightness: Il Portale del"
-            " Nerd, 2024",
+            "same pixels per inch as the first iPad Pro, Link-man, 2015; brightness: Il Portale"
+            " del Nerd, 2024",
         ),
         DisplayProduct(
             "Raspberry Pi Touch Display 2", "Panels", (0.1545, 0.087), (1280, 720), None,
@@ -153,7 +154,7 @@ DISPLAYS = {
         ),
         _by_diagonal(
             "Samsung QM55R", "Signage", (3840, 2160), 54.6,
-            "no page of its own was at hand: the diagonal of 55-inch panels, with EDIDs of"
+            "we found no data sheet; size from the diagonal of 55-inch panels, whose EDIDs give"
             " 1210 x 680 mm",
         ),
     )
@@ -172,7 +173,7 @@ GLASSES = {
         GlassProduct(
             "Lead Crystal (24 % PbO)",
             1.545,
-            "Council Directive 69/493/EEC (1969): the least that the name allows",
+            "Council Directive 69/493/EEC (1969): the lowest index allowed for this name",
         ),
         GlassProduct("Polycarbonate", 1.5846, "Sultanova et al., Acta Phys. Pol. A 116 (2009)"),
         GlassProduct("Casting Resin (CR-39)", 1.498, "PPG, CR-39 product bulletin, 2006"),

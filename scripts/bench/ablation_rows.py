@@ -277,7 +277,7 @@ TAIL = [
         "extremes: the bound on rays of a pixel",
     ),
     Row(
-        "Parts that rays pass closely",
+        "Parts that rays nearly hit",
         (instead("light.near_misses.ThinParts.touch", _untouched),),
         "no bundle of rays passes by anything",
         "extremes: thin parts; judge: rays at edges",
@@ -351,7 +351,7 @@ MAP = [
         "extremes: small glass",
     ),
     Row(
-        "Squares: dark ones whose rays are lost differently",
+        "Squares: dark, with rays lost for different reasons",
         (instead("map.sampling.DARK_SIDE_PX", NEVER),),
         "a dark square is left alone, whatever its rays met",
         "tests/core/test_view_map.py: a slit between two blockers",

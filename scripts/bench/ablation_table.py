@@ -18,14 +18,15 @@ N_GLASSES = 16
 HEAD = """# Ablation
 
 `python3 scripts/dev.py ablation` switches off one heuristic or option at a time and solves the
-sixteen glasses. Each number is a ratio, without to with the heuristic, as median / largest over the
-glasses measured: above 1 it gains. *Error* is the RMSE of the source image, for rows of `glass`
-against the surface that was meant. *As seen* weights display pixels by their light. *Gains* counts
-glasses on which error, error as seen or CPU seconds are {gain:.0%} larger without it.
+sixteen glasses. Each number is the value without the heuristic divided by the value with it, as
+median / largest over the glasses measured: above 1, the heuristic helps. *Error* is the RMSE of the
+source image, in the rows of `glass` against the intended surface. *As seen* weights display pixels
+by their light. *Gains* counts glasses on which error, error as seen or CPU seconds are {gain:.0%}
+larger without it.
 
-A heuristic that gains on fewer than {enough} of {n} glasses goes, unless it protects rows of other
-benches. Its verdict is **open** until enough glasses are measured, and **goes so far** if it gains
-on none of {few} or more.
+A heuristic that helps on fewer than {enough} of {n} glasses is removed, unless results of other
+benches depend on it. Its verdict is **open** until enough glasses are measured, and **goes so far**
+(to be removed, as far as measured) if it helps on none of {few} or more.
 
 `scripts/bench/ablation_rows.py` has the neutral values and the protected rows, `docs/ablation.json`
 the numbers of each glass. `--table` prints the options without a row.
