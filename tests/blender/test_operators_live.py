@@ -747,7 +747,7 @@ def test_panel_and_status_bar_agree(live, drawn, monkeypatch):
                 break
         assert is_faint == {False, is_another}
         assert summary not in " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").faint)
-    assert any("updating" in text for text in told)
+    assert any("reading the scene" in text for text in told)
     assert followed._text == ""
 
 
