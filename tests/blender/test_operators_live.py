@@ -284,7 +284,7 @@ def test_a_coarse_picture_is_not_exported(live, written, monkeypatch, tmp_path):
 
     assert result.is_coarse
     assert (result.summary, result.details) == ("", "")
-    with pytest.raises(RuntimeError, match="coarse"):
+    with pytest.raises(RuntimeError, match="final"):
         bpy.ops.kiriko.export(filepath=str(tmp_path / "source.png"))
     assert not list(tmp_path.iterdir())
 
