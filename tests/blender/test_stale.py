@@ -213,7 +213,7 @@ def test_a_surface_tells_that_it_is_of_the_rig_as_it_was(
     range_view = loaded("panels.range_view")
     legend = next(one for one in range_view.SURFACES if one.name == SURFACES[name])
     label = {"visible_range": "Visible Range", "eye_box": "Eye Box"}[name]
-    words = f"{label} again."
+    words = f"{label} is outdated"
 
     def is_old() -> bool:
         bpy.context.view_layer.update()
