@@ -33,7 +33,7 @@ from ..core.rig.rig import ROLES
 from ..core.solve.legibility import READABLE, illegible
 from . import automatic, compared, framing, live, long_work, look_through, needed, work
 from .remedies import legible
-from .telling import in_words
+from .reporting import in_words
 
 ROOM = 1.01  # margin of a display around the outermost traced light
 # width in pictures from which a display is worth a sentence

@@ -4,7 +4,7 @@ import bpy
 
 from ..core.base.messages import as_message
 from ..core.blender.data.units import length_of_unit, length_text
-from .telling import in_words
+from .reporting import in_words
 
 LEAST = 0.01  # Blender units: initial value of an unknown length
 Taken = dict[str, float]  # Blender units: last automatic lengths, by property

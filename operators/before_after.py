@@ -10,7 +10,7 @@ from ..core.base.messages import Message
 from ..core.base.steps import run_steps, subprogress
 from ..core.files import disk, image_io
 from ..core.solve.comparison import Comparison, side_by_side
-from . import compared, long_work, needed, telling, work
+from . import compared, long_work, needed, reporting, work
 from .export import use_bundled_modules
 from .to_file import ToFile
 from .windows import redraw
@@ -103,7 +103,7 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
         return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             self.end_with(context)
             use_bundled_modules()
             path = self.path()
@@ -115,7 +115,7 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
 
             made = run_steps(comparing(context)).comparison
             written = write(path, made, context.window_manager.kiriko)
-            telling.report(self, "INFO", Message("Wrote '{written}'.", written=written))
+            reporting.report(self, "INFO", Message("Wrote '{written}'.", written=written))
             return {"FINISHED"}
 
         return {"CANCELLED"}

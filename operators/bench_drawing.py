@@ -10,7 +10,7 @@ from ..core.image.flat_picture import flat_mapping
 from ..core.lab.calibrate.drawn import Lattice
 from ..core.lab.drawing.bench import draw_bench, draw_seen
 from ..core.rig.rig import Rig
-from . import folder, needed, telling, work
+from . import folder, needed, reporting, work
 from .to_file import ToFile
 
 NAME = "bench.svg"
@@ -68,7 +68,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
         return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             self.end_with(context)
             path = self.path()
             rig = work.read(context).rig
@@ -83,7 +83,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
             with folder.made(path.parent):
                 write(path.parent, sheets)
 
-            telling.report(
+            reporting.report(
                 self,
                 "INFO",
                 Message(

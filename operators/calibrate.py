@@ -32,7 +32,7 @@ from ..core.lab.calibrate.match import match
 from ..core.lab.calibrate.misalignment import FEWEST, Bench
 from ..core.lab.calibrate.photograph import find_points
 from ..core.rig.rig import Rig
-from . import long_work, look_over, needed, telling, watch, work
+from . import long_work, look_over, needed, reporting, watch, work
 from .export import use_bundled_modules
 
 DETERMINED = (
@@ -310,7 +310,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
         scene = context.scene
         ours = context.scene.kiriko.calibration
 
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             lattice = Lattice(ours.columns, ours.rows, ours.margin)
             style = ours.style.lower()
 
@@ -330,7 +330,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
                 " view.",
                 where=where,
             )
-            telling.report(self, "INFO", text)
+            reporting.report(self, "INFO", text)
             return {"FINISHED"}
 
         return {"CANCELLED"}
@@ -356,7 +356,7 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         n = len(Offset.read(context.scene.kiriko.calibration.offset).sets)
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             reading = work.read(context)
             reading.rig.check()
             is_current = not watch.has_changed(context)
@@ -367,7 +367,7 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
                 if result.solved_for and is_current:
                     result.solved_for = work.scene_now(context).as_text()
 
-                telling.report(
+                reporting.report(
                     self,
                     "INFO",
                     Message(
@@ -396,5 +396,5 @@ class KIRIKO_OT_remove_calibration(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         ours = context.scene.kiriko.calibration
         ours.offset = ours.found = ""
-        telling.report(self, "INFO", Message("Calibration removed: solve again."))
+        reporting.report(self, "INFO", Message("Calibration removed: solve again."))
         return {"FINISHED"}

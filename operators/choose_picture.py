@@ -27,7 +27,7 @@ from ..core.blender.read import plane as blender_plane
 from ..core.blender.read.plane import fit, shown_as, squeezed_words
 from ..core.blender.read.scene_picture import check_readable
 from ..core.rig.rig import ROLES
-from . import needed, telling
+from . import needed, reporting
 from .choose_rig import EndsWithRig
 from .needed import the_picture
 
@@ -69,7 +69,7 @@ class KIRIKO_OT_use_film(bpy.types.Operator):
         return needed.can_run(cls, [] if film_shown(context) else [NO_FILM])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             image, timing = film_shown(context)
             scene = context.scene
             if rate := rate_of(image):
@@ -77,7 +77,7 @@ class KIRIKO_OT_use_film(bpy.types.Operator):
                 scene.render.fps_base = scene.render.fps / rate
             scene.frame_start = timing.frame_start
             scene.frame_end = timing.frame_start + timing.frame_duration - 1
-            telling.report(
+            reporting.report(
                 self,
                 "INFO",
                 Message(
@@ -171,9 +171,9 @@ class ChoosePicture:
         if result.source is None:  # Add Rig's report is about the previous picture
             result.summary = result.notes = ""
 
-        telling.report(self, "WARNING" if problems else "INFO", joined([text, *problems]))
+        reporting.report(self, "WARNING" if problems else "INFO", joined([text, *problems]))
         for note in ignored:
-            telling.report(self, "WARNING", note)
+            reporting.report(self, "WARNING", note)
 
 
 class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
@@ -187,7 +187,7 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
     library: bpy.props.StringProperty(options={"HIDDEN"})  # file of a linked image
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             image = bpy.data.images.get((self.image, self.library or None))
             if image is None:
                 raise ImageError(
@@ -240,7 +240,7 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             self.end_with(context)
             known = set(bpy.data.images)
             names = [file.name for file in self.files]
@@ -326,13 +326,13 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         picture = the_picture(context)
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             try:
                 before = fit(context, picture)
             except RigError as why:
                 raise RigError("{reason}", reason=_unchanged(picture, why)) from None
 
-            telling.report(
+            reporting.report(
                 self,
                 "INFO",
                 Message(

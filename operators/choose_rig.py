@@ -11,7 +11,7 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message, as_message, quoted
 from ..core.blender.data.rigs import active_rig, rig_of, rig_uid, rigs
 from ..core.blender.lifecycle.copies import is_doubled, meant_copies, part_copies
-from . import live, look_over, look_through, needed, proposal, sketcher, telling, work
+from . import live, look_over, look_through, needed, proposal, reporting, sketcher, work
 from .viewer_reports import ALL
 from .windows import all_windows, redraw
 
@@ -54,7 +54,7 @@ def tick() -> float:
     try:
         follow_selection()
     except Exception as error:
-        telling.sentence(error, "The choice of the rig")  # prints unexpected errors
+        reporting.sentence(error, "The choice of the rig")  # prints unexpected errors
         return PATIENCE
     return TICK
 
@@ -97,7 +97,7 @@ class KIRIKO_OT_choose_rig(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             choose_by_name(context, self.rig)
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -121,14 +121,14 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             rig = active_rig(context.scene)
             context.view_layer.update()  # grouped by their places
             things = meant_copies(context.scene, rig, context.selected_objects)
             name = part_copies(rig, things)
             choose_by_name(context, name)
             message = Message("The copies are now the rig '{name}'. Press Solve.", name=name)
-            telling.report(self, "INFO", message)
+            reporting.report(self, "INFO", message)
             return {"FINISHED"}
         return {"CANCELLED"}
 

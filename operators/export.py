@@ -12,7 +12,7 @@ from ..core.blender.data.reports import said_by
 from ..core.blender.data.stored_records import StoredNumbers
 from ..core.blender.properties.rig_settings import EXPORT_FORMATS
 from ..core.files import disk, image_io
-from . import needed, telling, watch
+from . import needed, reporting, watch
 from .choose_rig import EndsWithRig
 from .wrapping import sentence
 
@@ -101,7 +101,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         self.begin_with(context.scene)
         ask = context.window_manager.invoke_confirm
 
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             is_stale = not self.allow_stale and watch.has_changed(context)
             # a path relative to an unsaved file
             is_nowhere = not bpy.data.filepath and (
@@ -114,7 +114,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                     self,
                     event,
                     title=OLD,
-                    message=telling.in_words(watch.CHANGED),
+                    message=reporting.in_words(watch.CHANGED),
                     confirm_text=ANYWAY,
                 )
 
@@ -140,7 +140,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                     self,
                     event,
                     title=OLD,
-                    message=telling.in_words(joined([watch.CHANGED, *taken])),
+                    message=reporting.in_words(joined([watch.CHANGED, *taken])),
                     confirm_text=ANYWAY,
                 )
 
@@ -185,7 +185,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         if self.is_to_ask:
             return self._ask_where()
 
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             self.end_with(context)
             ours = context.scene.kiriko
             if not self.allow_stale and watch.has_changed(context):
@@ -215,7 +215,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                 ours.export_path = str(written)
                 ours.export_format = form
 
-            telling.report(self, "INFO", Message("Wrote '{written}'.", written=written))
+            reporting.report(self, "INFO", Message("Wrote '{written}'.", written=written))
             return {"FINISHED"}
 
         return {"CANCELLED"}
@@ -233,5 +233,5 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
             bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True, choose=self.choose)
             return {"FINISHED"}
         except RuntimeError as error:  # with the operator's report
-            telling.report(self, "ERROR", said_by(error))
+            reporting.report(self, "ERROR", said_by(error))
             return {"CANCELLED"}

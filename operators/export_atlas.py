@@ -35,7 +35,7 @@ from . import export_job, folder, needed, work
 from .cli import to_folder
 from .cli.usage import count, path
 from .export import gamma_of, use_bundled_modules
-from .telling import report
+from .reporting import report
 from .to_file import IntoFolder
 from .wrapping import sentence
 

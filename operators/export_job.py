@@ -34,7 +34,7 @@ from ..core.lab.farm.job import (
 )
 from ..core.light.mesh_cache import MeshCache
 from ..core.solve.first_picture import check_light
-from . import folder, needed, telling, work
+from . import folder, needed, reporting, work
 from .set_value import having
 from .viewer_reports import ALL, choose_alone, naming_rig, naming_viewer, viewers_requested
 
@@ -314,7 +314,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
         layout.prop(context.scene.kiriko, "export_overwrite")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             if not self.directory:
                 raise ImageError("The job has no folder: choose one.")
             target = absolute(self.directory)
@@ -332,7 +332,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
             overwrite = self.overwrite or context.scene.kiriko.export_overwrite
             with folder.made(target):
                 names = write(target, job, [], overwrite, Message("set Overwrite"))
-            telling.report(self, "INFO", bundle_report(names, target))
+            reporting.report(self, "INFO", bundle_report(names, target))
             return {"FINISHED"}
         return {"CANCELLED"}
 

@@ -32,7 +32,7 @@ from ..core.lab.farm.job import LOG, logged
 from ..core.light.mesh_cache import MeshCache as KeptGlass
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
-from . import choose_picture, folder, long_work, look_over, needed, telling, watch, windows, work
+from . import choose_picture, folder, long_work, look_over, needed, reporting, watch, windows, work
 from .export import gamma_of, unwritable, use_bundled_modules
 
 
@@ -453,7 +453,7 @@ class OfFrames(long_work.LongWork):
 
     def _stopped(self) -> set[str]:
         text = Message("Stopped after {n} frames.", n=self.tally.written)
-        telling.report(self, "INFO", text)
+        reporting.report(self, "INFO", text)
         return {"CANCELLED"}
 
 

@@ -13,7 +13,7 @@ from ..core.base.messages import Message
 from ..core.blender.result.conflict import pack_conflict
 from ..core.blender.result.result_images import is_missing_numbers
 from ..core.blender.result.write_result import pack_source
-from . import live_follower, needed, telling, work
+from . import live_follower, needed, reporting, work
 from .windows import redraw
 
 _lives: list[live_follower.Live] = []
@@ -146,7 +146,7 @@ def tick() -> float | None:
     try:
         wait = _lives[0].turn()
     except (Exception, KeyboardInterrupt) as error:
-        stop(telling.sentence(error, Message("Live")))
+        stop(reporting.sentence(error, Message("Live")))
         return None
 
     if wait is None:

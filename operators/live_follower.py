@@ -38,7 +38,7 @@ from ..core.solve.memory import check_memory
 from . import compared, work
 from .chosen import chosen_settings, uid
 from .remedies import remedies_for
-from .telling import in_words
+from .reporting import in_words
 from .viewer_reports import reports_of
 from .windows import all_windows, redraw
 

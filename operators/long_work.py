@@ -17,7 +17,7 @@ from ..core.base.messages import Message, as_message
 from ..core.base.steps import run_steps
 from ..core.blender.data.rigs import active_rig
 from . import live, needed, work
-from .telling import errors_reported, in_words, report
+from .reporting import errors_reported, in_words, report
 from .windows import redraw_sidebars
 
 VIEWS = re.compile(

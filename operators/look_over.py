@@ -28,7 +28,7 @@ from ..core.blender.checks.to_do import Entry, Inspection
 from ..core.blender.data.rigs import rig_uid
 from ..core.blender.data.units import length_text
 from ..core.blender.read.shapes import ShapeCache, reshaped
-from . import needed, telling, watch, windows, work
+from . import needed, reporting, watch, windows, work
 
 TICK = 0.2  # s between turns
 QUIET = 0.4  # s without changes before a mesh is checked
@@ -189,7 +189,7 @@ def tick() -> float:
     try:
         _turn()
     except Exception as error:
-        telling.sentence(error, Message("The checklist"))  # prints unexpected errors
+        reporting.sentence(error, Message("The checklist"))  # prints unexpected errors
         for looked in _looked.values():  # nothing is scheduled
             looked.is_whole = True
         return watch.PATIENCE

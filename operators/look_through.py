@@ -14,7 +14,7 @@ from ..core.blender.data.camera_viewer import viewer_of
 from ..core.blender.data.rigs import rig_uid
 from ..core.blender.data.screens import place_of, window_showing
 from ..core.blender.view import looking_through, turned_views
-from . import compared, framing, live, make_glass, needed, telling, work
+from . import compared, framing, live, make_glass, needed, reporting, work
 from .windows import all_windows, redraw, view_of
 
 _entered: dict[int, str] = {}  # stored text of the changed views, by session uid of the scene
@@ -239,7 +239,7 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             scene = context.scene
             if scene.kiriko_scene.looking:
                 leave(scene)
@@ -252,6 +252,6 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
             opaque = [thing.name for thing in glasses if make_glass.can_be_given(thing)]
             if opaque:  # short: the status bar cuts off long texts
                 text = Message("{opaque} is opaque. Press Make It Glass.", opaque=quoted(opaque))
-                telling.report(self, "WARNING", text)
+                reporting.report(self, "WARNING", text)
             return {"FINISHED"}
         return {"CANCELLED"}

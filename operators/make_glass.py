@@ -8,7 +8,7 @@ from ..core.blender.checks.inspect_scene import has_own_faces, refracts_as_shown
 from ..core.blender.lifecycle.given_glass import give, has_place, set_by_modifier
 from ..core.blender.view.viewport_look import be_seen_as_glass
 from ..core.rig.catalogue import GLASSES
-from . import needed, telling
+from . import needed, reporting
 from .part_verbs import NamesPart
 from .preset import GLASS_TIPS
 
@@ -66,7 +66,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
         return needed.can_run(cls, [] if is_there else [NOTHING])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             things = [self.found(context)] if self.part else _chosen(context)
             if not things or not all(map(can_be_given, things)):
                 raise RigError("{reason}.", reason=NOTHING)
@@ -100,7 +100,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
             )
             if own:
                 text = joined([text, Message("A new modifier assigns it.")])
-            telling.report(self, "INFO", text)
+            reporting.report(self, "INFO", text)
 
             return {"FINISHED"}
 

@@ -24,7 +24,7 @@ from ..core.blender.lifecycle.rig_objects import (
 )
 from ..core.blender.read.places import PlaceCache, read_places
 from ..core.rig.rig import ROLES, Display, PicturePlace, Rig
-from . import long_work, needed, telling, work
+from . import long_work, needed, reporting, work
 from .repair import RepairsPart
 
 PIXELS = (1920, 1080)
@@ -152,5 +152,5 @@ class KIRIKO_OT_go_without_plate(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         active_rig(context.scene).kiriko.has_plate = False
-        telling.report(self, "INFO", Message("The rig now works without a plate."))
+        reporting.report(self, "INFO", Message("The rig now works without a plate."))
         return {"FINISHED"}

@@ -16,7 +16,7 @@ from ..core.blender.read.scene_parts import LeftOut, hidden_words
 from ..core.blender.result.result_images import is_missing_numbers
 from ..core.rig.rig import ROLES
 from ..languages import in_all
-from .telling import in_words
+from .reporting import in_words
 
 NEEDED = {
     **{

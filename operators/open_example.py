@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from . import framing, needed, telling, work
+from . import framing, needed, reporting, work
 from .windows import all_windows
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
@@ -83,7 +83,7 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
 
     def _open(self, how: str) -> set[str]:
         path = path_of(self.example)
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             # As a startup file: Save asks for a name, so the example stays unchanged.
             _requested[:] = [self.example]
             bpy.ops.wm.read_homefile(how, filepath=str(path), load_ui=False)

@@ -9,7 +9,7 @@ import bpy
 
 from ..core.base.errors import KirikoError
 from ..core.base.messages import Message
-from . import needed, telling
+from . import needed, reporting
 
 # `dev.py build` makes it from docs/manual, with a folder for each language but English.
 FOLDER = Path(__file__).resolve().parent.parent / "manual"
@@ -52,7 +52,7 @@ class KIRIKO_OT_open_manual(bpy.types.Operator):
         import webbrowser
 
         page = pages() / "index.html"
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             if not webbrowser.open(page.as_uri()):
                 raise KirikoError("No browser was found: open the file '{page}'.", page=page)
             return {"FINISHED"}

@@ -5,7 +5,7 @@ import bpy
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
 from ..core.blender.data.visibility import is_visible, show
-from . import needed, telling
+from . import needed, reporting
 
 
 class NamesPart:
@@ -45,7 +45,7 @@ class KIRIKO_OT_select_part(NamesPart, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             thing = _selectable(context, self.found(context))
 
             for other in context.selected_objects:
@@ -81,11 +81,11 @@ class KIRIKO_OT_show_part(NamesPart, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             thing = self.found(context)
             show(thing, context.scene, context.view_layer)
             text = Message("'{name}' is now visible.", name=thing.name)
-            telling.report(self, "INFO", text)
+            reporting.report(self, "INFO", text)
             return {"FINISHED"}
 
         return {"CANCELLED"}

@@ -15,7 +15,7 @@ from ..core.blender.read.scene import length_of_unit
 from ..core.light.interaction_plate import PLATE_FLATNESS
 from ..core.rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct
 from ..core.rig.rig import ROLES
-from . import needed, telling, work
+from . import needed, reporting, work
 from .part_verbs import NamesPart
 
 NOUNS = {role.name: role.noun for role in ROLES}
@@ -67,10 +67,10 @@ class GivesProduct(NamesPart):
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             given = self.given(context, self.part_in(context))
             work.forget_report(context.scene)
-            telling.report(self, "INFO" if given.is_whole else "WARNING", given.text)
+            reporting.report(self, "INFO" if given.is_whole else "WARNING", given.text)
             return {"FINISHED"}
 
         return {"CANCELLED"}
@@ -183,10 +183,10 @@ class KIRIKO_OT_glass_preset(GivesProduct, bpy.types.Operator):
         return [thing for thing in found if thing.is_editable]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             things = [] if self.part else self.selected(context)
             given = give_glass(things or [self.part_in(context)], GLASSES[self.preset])
-            telling.report(self, "INFO", joined([one.text for one in given]))
+            reporting.report(self, "INFO", joined([one.text for one in given]))
             return {"FINISHED"}
 
         return {"CANCELLED"}
@@ -295,7 +295,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
         metres = length_of_unit(context.scene)
         material = None
 
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             if not is_new:
                 self._check(thing)
             material = (None if is_new else _own_material(thing, metres)) or _material(
@@ -312,7 +312,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
 
         thing.active_material = material
         if context.scene.render.engine != "CYCLES":
-            telling.report(
+            reporting.report(
                 self,
                 "WARNING",
                 Message(
@@ -321,7 +321,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
                 ),
             )
         else:
-            telling.report(
+            reporting.report(
                 self,
                 "INFO",
                 Message(
@@ -381,7 +381,7 @@ class KIRIKO_OT_add_asset_library(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not FILE.exists():
-            telling.report(
+            reporting.report(
                 self,
                 "ERROR",
                 Message("The file {file} is missing or broken: install Kiriko again.", file=FILE),
@@ -392,7 +392,7 @@ class KIRIKO_OT_add_asset_library(bpy.types.Operator):
             name="Kiriko", directory=str(FOLDER)
         )
         context.preferences.is_dirty = True
-        telling.report(
+        reporting.report(
             self,
             "INFO",
             Message(

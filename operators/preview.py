@@ -11,7 +11,7 @@ from ..core.blender.data.rigs import name_of_view
 from ..core.blender.preview.cycles_preview import Preview
 from ..core.blender.result.write_result import replace_image
 from ..core.files import disk, image_io
-from . import long_work, needed, telling, watch, work
+from . import long_work, needed, reporting, watch, work
 from .choose_rig import EndsWithRig
 from .export import target, use_bundled_modules
 from .windows import show_image
@@ -82,7 +82,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self), self._prepare(context) as preview:
+        with reporting.errors_reported(self), self._prepare(context) as preview:
             preview.render()
             self._finish(preview)
             return {"FINISHED"}
@@ -96,7 +96,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         self._timer = context.window_manager.event_timer_add(long_work.TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
         text = Message("Kiriko: preparing the preview ...")  # drawn before the next event
-        context.workspace.status_text_set(telling.in_words(text))
+        context.workspace.status_text_set(reporting.in_words(text))
         return {"RUNNING_MODAL"}
 
     def _start(self, context: bpy.types.Context) -> None:
@@ -113,7 +113,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self._preview is None:
             if event.type == "TIMER":
-                with telling.errors_reported(self):
+                with reporting.errors_reported(self):
                     self._start(context)
                     return {"RUNNING_MODAL"}
                 self.cancel(context)
@@ -123,11 +123,11 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}
         try:
-            with telling.errors_reported(self):
+            with reporting.errors_reported(self):
                 if self._preview.is_rendered:
                     self._finish(self._preview)
                     return {"FINISHED"}
-                telling.report(self, "INFO", Message("Stopped. The scene is unchanged."))
+                reporting.report(self, "INFO", Message("Stopped. The scene is unchanged."))
             return {"CANCELLED"}
         finally:
             self.cancel(context)
@@ -204,9 +204,9 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
 
         remarks = self._remarks + preview.notes
         if remarks:
-            telling.report(self, "WARNING", joined(remarks))
+            reporting.report(self, "WARNING", joined(remarks))
         else:
-            telling.report(
+            reporting.report(
                 self,
                 "INFO",
                 Message("The image '{image}' shows what the viewer sees.", image=image.name),

@@ -21,7 +21,7 @@ from ..core.blender.read.resize import give_matrix
 from ..core.glass.motion import Motion
 from ..core.rig.rig import Rig
 from ..core.solve.solved_for import SolvedFor
-from . import automatic, long_work, needed, telling, work, wrapping
+from . import automatic, long_work, needed, reporting, work, wrapping
 from .needed import the_picture
 
 WIDTH, SPACE = 420, 40  # px of the dialogue, and of the space next to its text
@@ -169,7 +169,7 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             proposal = current(context.scene)
             refuse_changed(context, proposal)
             return context.window_manager.invoke_props_dialog(
@@ -180,16 +180,16 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
     def draw(self, context: bpy.types.Context) -> None:
         proposal = current(context.scene)
         if proposal is not None:
-            text = telling.in_words(proposal.text)
+            text = reporting.in_words(proposal.text)
             for line in wrapping.wrapped(text, WIDTH - SPACE, wrapping.points_of(context)):
                 self.layout.label(text=line, translate=False)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             proposal = current(context.scene)
             make(context, proposal)
             drop()
-            telling.report(self, "INFO", proposal.text)
+            reporting.report(self, "INFO", proposal.text)
             return {"FINISHED"}
         return {"CANCELLED"}
 

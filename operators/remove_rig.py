@@ -5,7 +5,7 @@ import bpy
 from ..core.base.messages import Message, joined
 from ..core.blender.data.rigs import active_rig, rig_of
 from ..core.blender.lifecycle.rig_removal import refuse_shared, remove_rig
-from . import compared, live, look_through, needed, telling, work
+from . import compared, live, look_through, needed, reporting, work
 from .choose_rig import is_new
 
 NO_COLLECTION = Message("Add Rig didn't make this rig: delete its parts by hand")
@@ -37,7 +37,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             rig = rig_to_remove(context)
             refuse_shared(context.scene, rig)
             if context.scene.kiriko_scene.looking:
@@ -52,6 +52,6 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
                 Message("'{name}' was kept because something else uses it.", name=name)
                 for name in names
             ]
-            telling.report(self, "INFO", joined([Message("Rig removed."), *stays]))
+            reporting.report(self, "INFO", joined([Message("Rig removed."), *stays]))
             return {"FINISHED"}
         return {"CANCELLED"}

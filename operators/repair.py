@@ -20,7 +20,7 @@ from ..core.blender.lifecycle.eyes import keep_eyes_apart
 from ..core.blender.read.read_mesh import column
 from ..core.blender.read.resize import move_by, scale_by
 from ..core.glass.smoothed import FACTOR
-from . import needed, telling, work
+from . import needed, reporting, work
 from .framing import corners
 from .part_verbs import NamesPart
 
@@ -43,11 +43,11 @@ class RepairsPart(NamesPart):
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             thing = self.found(context)
             if not self.may_be_linked:
                 _check_own(thing, thing)
-            telling.report(self, "INFO", self.repair(context, thing))
+            reporting.report(self, "INFO", self.repair(context, thing))
             work.forget_report(context.scene)
             return {"FINISHED"}
 
@@ -294,9 +294,9 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
             length=length_text(context.scene, unit),
             factor=f"{self.factor:g}",
         )
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             _keep_bench(context, before, unit)
-            telling.report(self, "INFO", text)
+            reporting.report(self, "INFO", text)
         return {"FINISHED"}
 
 

@@ -44,7 +44,7 @@ from ..core.light.mesh_cache import MeshCache
 from ..core.rig.rig import Plate, Rig
 from ..core.rig.settings import Disagreement, Settings
 from ..core.solve.picture_coverage import check_seen
-from . import folder, long_work, needed, telling, work
+from . import folder, long_work, needed, reporting, work
 from .cli import to_folder
 from .export import use_bundled_modules
 from .eye_box import OffFromStartError, begin, check_limit, check_share, of_blended
@@ -79,10 +79,10 @@ class ReportExtras:
         if {"eye_box", "head_box"} & self.numbers.keys():
             yield from of_blended(scene)
 
-    def missing(self, translate: telling.Translate | None = None) -> list[str]:
+    def missing(self, translate: reporting.Translate | None = None) -> list[str]:
         """A sentence on each part that failed, worded like any error."""
         return [
-            telling.sentence(error, label, translate=translate)
+            reporting.sentence(error, label, translate=translate)
             for label, error in self.errors.items()
         ]
 

@@ -14,7 +14,7 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message
 from ..core.blender.data.rigs import rigs
 from ..core.blender.result.result_images import images_of
-from . import needed, telling, windows, work
+from . import needed, reporting, windows, work
 from .windows import all_windows
 
 FULL_SCREEN = "wm.window_fullscreen_toggle"
@@ -206,11 +206,11 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             image = shown_result(context.scene).source
             for window in show_windows():
                 if size_of(window) == tuple(image.size):
-                    telling.report(
+                    reporting.report(
                         self, "INFO", Message("The show window is already open on its display.")
                     )
                     return {"FINISHED"}
@@ -242,7 +242,7 @@ class KIRIKO_OT_show_image(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         result = context.scene.kiriko.result
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             found = [image for image in images_of(result) if image.name == self.image]
             if not found:
                 raise RigError(

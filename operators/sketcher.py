@@ -32,7 +32,7 @@ from ..core.light.plan import Plan
 from ..core.rig.mesh import Mesh
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
-from . import chosen, needed, telling, windows, work
+from . import chosen, needed, reporting, windows, work
 
 TAB = "Kiriko"
 IDLE = 0.1  # s between two polls
@@ -212,7 +212,7 @@ def tick() -> float:
     try:
         return PAUSE if draw_next() else IDLE
     except Exception as error:
-        telling.sentence(error, Message("The overlay"))  # also prints unexpected errors
+        reporting.sentence(error, Message("The overlay"))  # also prints unexpected errors
         _sketched.clear()
         return PATIENCE
 

@@ -7,7 +7,7 @@ import bpy
 from ..core.base.errors import ImageError
 from ..core.base.messages import as_message
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
-from . import long_work, needed, telling
+from . import long_work, needed, reporting
 from .choose_rig import EndsWithRig
 
 # File suffixes that are wrong for a file of another type.
@@ -105,7 +105,7 @@ class IntoFolder(EndsWithRig, long_work.LongWork):
             return super().execute(context)
 
         # An operator of a dialogue cannot continue in steps; a second one can.
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             self.end_with(context)
             again = getattr(bpy.ops.kiriko, type(self).__name__.partition("_OT_")[2])
             settings = {name: getattr(self, name) for name in self.in_dialogue}

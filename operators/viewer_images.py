@@ -14,7 +14,7 @@ from ..core.blender.preview.viewer_render import eye_of, remove_unused, render_f
 from ..core.blender.read.scene import read_viewers
 from ..core.blender.read.scene_picture import check_readable
 from ..core.rig.viewer import check_together
-from . import needed, telling
+from . import needed, reporting
 from .choose_rig import EndsWithRig
 from .folder import names_for
 from .long_work import LongWork
@@ -157,12 +157,12 @@ class KIRIKO_OT_open_pictures(EndsWithRig, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             self.end_with(context)
             if not is_chosen(self.filepath):
                 raise ImageError("No file is chosen: choose an image.")
             n = open_images(context.scene, str(absolute(self.filepath)))
-            telling.report(self, "INFO", Message("{n} viewers now have their own images.", n=n))
+            reporting.report(self, "INFO", Message("{n} viewers now have their own images.", n=n))
             return {"FINISHED"}
         return {"CANCELLED"}
 

@@ -16,7 +16,7 @@ from ..core.blender.read.places import PlaceCache, read_places
 from ..core.blender.read.scene import read_seat
 from ..core.lab.atlas.heads import AXES, check_perspective, evenly, middle_of, viewer_about
 from ..core.rig.rig import Viewer
-from . import compared, look_through, needed, telling
+from . import compared, look_through, needed, reporting
 
 NO_LIST = Message("There is only one viewer: add another")
 MOST = 1000  # heads of a grid
@@ -35,7 +35,7 @@ class _OfList:
         return needed.can_run(cls, [] if is_there else [needed.NEEDED["VIEWER"]])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.errors_reported(self):
+        with reporting.errors_reported(self):
             self.change(context)
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -116,7 +116,7 @@ class _InPlace(_OfList):
             n=len(made),
             viewer=camera.name,
         )
-        telling.report(self, "INFO", text)
+        reporting.report(self, "INFO", text)
 
 
 class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):

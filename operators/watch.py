@@ -20,7 +20,7 @@ from ..core.blender.data.rigs import rigs
 from ..core.blender.read.shapes import ShapeCache
 from ..core.blender.result.result_images import images_of, read_images_again
 from ..core.solve.solved_for import SolvedFor, from_text
-from . import chosen, live, telling, windows, work
+from . import chosen, live, reporting, windows, work
 from . import outdated_surfaces as surfaces
 
 CHANGED = Message("The scene has changed: solve again.")
@@ -134,7 +134,7 @@ def tick() -> float:
     try:
         check_result()
     except Exception as error:
-        telling.sentence(error, Message("The scene check"))  # prints unexpected errors
+        reporting.sentence(error, Message("The scene check"))  # prints unexpected errors
         _watched.clear()
         return PATIENCE
     return TICK

@@ -7,7 +7,7 @@ from functools import lru_cache
 import blf
 import bpy
 
-from .telling import in_words
+from .reporting import in_words
 
 FONT = 0  # Blender's font for labels
 POINTS = 11.0  # size at a scale of 1, if the theme gives none

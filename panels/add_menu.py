@@ -4,7 +4,7 @@ import bpy
 
 from ..core.base.messages import Message, as_message
 from ..operators.add_rig import KINDS
-from ..operators.telling import in_words
+from ..operators.reporting import in_words
 
 ICONS = {"IN_GLASS": "MATSPHERE", "BEHIND_GLASS": "RESTRICT_VIEW_OFF"}
 

@@ -12,7 +12,7 @@ from ..core.blender.data.rigs import RIG_MARK
 from ..core.blender.read.plane import image_of
 from ..operators import live, look_over, look_through, needed, watch, work
 from ..operators.add_rig import KINDS
-from ..operators.telling import in_words
+from ..operators.reporting import in_words
 from ..operators.wrapping import sentence
 from .add_menu import add_rig, labels_of
 from .object import CHOOSE

@@ -17,7 +17,7 @@ from ..core.blender.read.scene_picture import UNREADABLE
 from ..core.blender.result.result_images import images_of
 from ..operators.make_glass import can_be_given
 from ..operators.part_verbs import name_part
-from ..operators.telling import in_words
+from ..operators.reporting import in_words
 from ..operators.wrapping import sentence
 from .panel_text import with_labels
 

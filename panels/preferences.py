@@ -4,7 +4,7 @@ import bpy
 
 from ..core.base.messages import Message
 from ..operators import preset
-from ..operators.telling import in_words
+from ..operators.reporting import in_words
 
 
 class KIRIKO_preferences(bpy.types.AddonPreferences):

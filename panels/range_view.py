@@ -19,7 +19,7 @@ from ..operators import outdated_surfaces as surfaces
 from ..operators import watch
 from ..operators.eye_box import DISPLACEMENT
 from ..operators.outdated_surfaces import EYE_BOX, RANGE
-from ..operators.telling import in_words
+from ..operators.reporting import in_words
 from .overlay.view_handlers import ViewHandlers
 
 ALPHA = 0.45

@@ -10,7 +10,7 @@ from ..core.blender.read.elements import DEFAULT, OVERRIDE
 from ..core.blender.result.result_images import images_of, is_missing_numbers
 from ..core.solve.legibility import READABLE
 from ..operators import live, needed, proposal, watch, work
-from ..operators.telling import in_words
+from ..operators.reporting import in_words
 from ..operators.wrapping import MARGIN, sentence
 from .object import index_words
 from .panel_text import OfRig

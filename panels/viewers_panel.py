@@ -17,7 +17,7 @@ from ..core.blender.data.stored_records import Sentences, StoredNumbers
 from ..operators import viewer_reports, watch
 from ..operators.eye_box import box_of, of_blended, served_in_words, ways_in_words
 from ..operators.outdated_surfaces import EYE_BOX, LABELS, RANGE, looked_up
-from ..operators.telling import in_words
+from ..operators.reporting import in_words
 from ..operators.wrapping import sentence
 from .object import draw_resolution, draw_tone
 from .panel_text import Closed, OfRig, with_labels

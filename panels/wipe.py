@@ -10,7 +10,7 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 from ..operators import compared
-from ..operators.telling import in_words
+from ..operators.reporting import in_words
 from .overlay.view_handlers import IMAGE_SHADER, ViewHandlers, for_shader
 
 LINE = (1.0, 1.0, 1.0, 0.9)

@@ -24,8 +24,8 @@ from .. import (
     export_maps,
     folder,
     report,
+    reporting,
     set_value,
-    telling,
     viewer_images,
     work,
 )
@@ -294,7 +294,7 @@ def run(argv: list[str]) -> int:
         return int(end.code or 0)
     except (Exception, KeyboardInterrupt) as error:
         sys.stderr.write(
-            f"kiriko: {telling.sentence(error, Message('The command'), translate=str)}\n"
+            f"kiriko: {reporting.sentence(error, Message('The command'), translate=str)}\n"
         )
         return USAGE_ERROR if isinstance(error, UsageError) else 1
     finally:

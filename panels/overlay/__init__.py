@@ -9,7 +9,7 @@ from collections.abc import Callable
 import bpy
 
 from ...core.base.messages import Message
-from ...operators import sketcher, telling
+from ...operators import reporting, sketcher
 from ...operators.sketcher import SketchDrawing
 from . import batches, colours, lines, overlay_text, pointer
 from .view_handlers import ViewHandlers
@@ -48,7 +48,7 @@ def _draw(
         function(context, drawing, colours.FAINT if sketcher.is_faint(context.scene) else 1.0)
     except Exception as error:
         # also prints unexpected errors
-        _failed.append(telling.sentence(error, Message("The overlay")))
+        _failed.append(reporting.sentence(error, Message("The overlay")))
 
 
 def draw_toggle(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

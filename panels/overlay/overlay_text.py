@@ -12,8 +12,8 @@ from gpu_extras.batch import batch_for_shader
 from ...core.base.arrays import Floats
 from ...core.base.messages import Message
 from ...core.blender.data.units import length_of_unit, length_text
+from ...operators.reporting import in_words
 from ...operators.sketcher import SketchDrawing
-from ...operators.telling import in_words
 from . import colours
 from .label_layout import Sized, box_for, controls_of
 from .pointer import parts_of, pointed_at

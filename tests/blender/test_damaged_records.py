@@ -66,11 +66,13 @@ def test_unreadable_marks_are_reported_once(
     kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The first button that meets an unreadable record reports it; the next ones do not."""
-    telling = importlib.import_module(f"{kiriko.__name__}.operators.telling")
+    reporting = importlib.import_module(f"{kiriko.__name__}.operators.reporting")
     small_rig()
     scene.kiriko.calibration.offset = "damaged on 29 November"
     reports: list[str] = []
-    monkeypatch.setattr(telling, "report", lambda operator, level, text: reports.append(str(text)))
+    monkeypatch.setattr(
+        reporting, "report", lambda operator, level, text: reports.append(str(text))
+    )
     for _ in range(2):
         bpy.ops.kiriko.solve()
     assert [text for text in reports if "damaged on 29 November" in text] == [

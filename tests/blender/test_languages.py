@@ -96,8 +96,8 @@ def in_japanese(kiriko, monkeypatch) -> Callable[[str], str]:
 
     kinds = "iface", "tip", "rpt", "data"
     stand_in = SimpleNamespace(**{f"pgettext_{kind}": look_up for kind in kinds})
-    telling = loaded("operators.telling")
-    monkeypatch.setattr(telling, "translations", stand_in)
+    reporting = loaded("operators.reporting")
+    monkeypatch.setattr(reporting, "translations", stand_in)
     return look_up
 
 
@@ -193,6 +193,6 @@ def test_errors_come_in_the_language_of_reports(scene, in_japanese):
 
 def test_the_terminal_stays_english(scene, in_japanese):
     """Scripts and logs read the command line, whatever language the interface has."""
-    telling = loaded("operators.telling")
-    error = telling.KirikoError("The scene has {n} gaps.", n=2)
-    assert telling.sentence(error, "The command", translate=str) == "The scene has 2 gaps."
+    reporting = loaded("operators.reporting")
+    error = reporting.KirikoError("The scene has {n} gaps.", n=2)
+    assert reporting.sentence(error, "The command", translate=str) == "The scene has 2 gaps."

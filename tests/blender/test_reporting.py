@@ -15,9 +15,9 @@ GERMAN = {
 
 
 @pytest.fixture
-def telling(kiriko, monkeypatch) -> ModuleType:
-    """Module operators.telling, for people who read German."""
-    module = loaded("operators.telling")
+def reporting(kiriko, monkeypatch) -> ModuleType:
+    """Module operators.reporting, for people who read German."""
+    module = loaded("operators.reporting")
 
     def in_german(text: str, context: str) -> str:
         return GERMAN.get(text, text)
@@ -27,7 +27,7 @@ def telling(kiriko, monkeypatch) -> ModuleType:
     return module
 
 
-def test_another_order_of_words_at_the_border(telling):
+def test_another_order_of_words_at_the_border(reporting):
     """Reports, errors and reasons why a button is grey follow the translated template's order of
     words; a sentence without a translation stays as it is.
     """
@@ -39,11 +39,11 @@ def test_another_order_of_words_at_the_border(telling):
         poll_message_set=lambda text: said.append(("POLL", text)),
         bl_label="Solve",
     )
-    telling.report(operator, "INFO", telling.Message(template, **values))
-    telling.report(operator, "INFO", telling.Message("Wrote '{file}'.", file="a.png"))
-    with telling.errors_reported(operator, lambda: "a picture"):
-        raise telling.KirikoError(template, **values)
-    needed = importlib.import_module(telling.__name__.replace("telling", "needed"))
+    reporting.report(operator, "INFO", reporting.Message(template, **values))
+    reporting.report(operator, "INFO", reporting.Message("Wrote '{file}'.", file="a.png"))
+    with reporting.errors_reported(operator, lambda: "a picture"):
+        raise reporting.KirikoError(template, **values)
+    needed = importlib.import_module(reporting.__name__.replace("reporting", "needed"))
 
     assert not needed.can_run(operator, ["No glass"])
     assert said == [
