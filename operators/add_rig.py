@@ -159,8 +159,8 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
                     self._draw_one(column, context, name)
 
     def _draw_one(self, column: bpy.types.UILayout, context: bpy.types.Context, name: str) -> None:
-        """Draw a property; a length with its checkbox, and with the automatic length while that
-        is on.
+        """Draw a property; a length with its checkbox, and with the automatic length while that is
+        on.
         """
         if f"auto_{name}" not in self.rna_type.properties:
             column.prop(self, name)
@@ -273,8 +273,8 @@ def _wishes(given: KIRIKO_OT_add_rig, metres: float) -> Wishes:
 def _refuse_second(
     scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...], is_straight: bool
 ) -> None:
-    """Raise RigError if a glass is in a rig already, or a part outside all rigs would be a
-    second one.
+    """Raise RigError if a glass is in a rig already, or a part outside all rigs would be a second
+    one.
     """
     holders = rigs_of(scene)
     for thing in glasses:

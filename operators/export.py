@@ -159,8 +159,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
 
     def check(self, context: bpy.types.Context) -> bool:
         """Complete the name in the file dialogue, so that an existing file turns red. A typed
-        suffix
-        sets the format, and a chosen format sets the suffix.
+        suffix sets the format, and a chosen format sets the suffix.
         """
         if not Path(self.filepath).name:
             return False
@@ -226,8 +225,8 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         return image_io.format_for(self.filepath, form)
 
     def _ask_where(self) -> set[str]:
-        """Start again after a yes to the old image: an operator of a dialogue cannot open
-        another one.
+        """Start again after a yes to the old image: an operator of a dialogue cannot open another
+        one.
         """
         try:
             bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True, choose=self.choose)

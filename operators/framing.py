@@ -71,8 +71,7 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
 
 def bring_into_sight(context: bpy.types.Context, thing: bpy.types.Object) -> None:
     """Frame a new object and the other parts in the active 3D view if less than half of it is
-    visible.
-    The view's direction stays; camera views do not move.
+    visible. The view's direction stays; camera views do not move.
     """
     area = view_of(context)
     if area is None or area.spaces.active.region_quadviews:
@@ -151,8 +150,7 @@ def before_undo(*_: object) -> None:
 @persistent
 def on_undo(*_: object) -> None:
     """Restore the clip distances after undo, which does not change views: those before a removed
-    rig,
-    or with a restored one.
+    rig, or with a restored one.
     """
     there = _changes_of_views()
     gone = [one for one in reversed(_before) if one not in there]

@@ -201,8 +201,7 @@ class Live:
     @property
     def _is_to_compare(self) -> bool:
         """Whether the scene is viewed through the viewer with glass that was not compared with
-        Cycles
-        yet.
+        Cycles yet.
         """
         now, before = self._reading, self._compared
         if now is None or not scene_by_uid(self.uid).kiriko_scene.looking:

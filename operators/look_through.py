@@ -53,8 +53,7 @@ def _enter_area(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
 @contextmanager
 def apart(scene: bpy.types.Scene) -> Iterator[None]:
     """Restore the 3D view for a while, then switch it to the viewer visible by then, unless the
-    view
-    shows another camera.
+    view shows another camera.
     """
     views = looking_through.views(scene) if scene.kiriko_scene.looking else []
     shown = [space for space, _ in views]
@@ -206,8 +205,7 @@ def unregister() -> None:
 
 def otherwise(scene: bpy.types.Scene) -> Message | None:
     """A sentence on glass that Cycles renders differently from Kiriko, from the last reading of
-    Live;
-    None if there is none.
+    Live; None if there is none.
     """
     followed = live.followed() if scene.kiriko_scene.looking and live.follows(scene) else None
     if followed is None or followed.problem or not followed.otherwise:

@@ -1,5 +1,5 @@
-"""Builds the compiled kernel from core/native/*.c: the
-library for this machine, and a wheel for each platform.
+"""Builds the compiled kernel from core/native/*.c: the library for this machine, and a wheel for
+each platform.
 
 One compiler, zig's clang, builds all of them on any machine. `python3 scripts/dev.py build` makes
 the wheels; the library for the tests here is built anew whenever the sources have changed.
@@ -32,8 +32,8 @@ EPOCH = "315532800"
 
 
 class Target(NamedTuple):
-    """A platform: its name in the manifest, its name for zig,
-    the tag of its wheels, how its libraries end.
+    """A platform: its name in the manifest, its name for zig, the tag of its wheels, how its
+    libraries end.
     """
 
     platform: str
@@ -108,8 +108,8 @@ def fingerprint() -> str:
 
 
 def provide() -> None:
-    """Build the library for this machine, where tests and
-    scripts import it from, unless it is there.
+    """Build the library for this machine, where tests and scripts import it from, unless it is
+    there.
     """
     target = this_target()
     stamp = HERE / "kiriko.stamp"
@@ -144,8 +144,7 @@ def wheel_name(target: Target) -> str:
 
 def version() -> str:
     """The extension's version and the fingerprint of the kernel's sources. Blender does not replace
-    an
-    installed wheel of the same version.
+    an installed wheel of the same version.
     """
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     return f"{manifest['version']}+{fingerprint()[:8]}"

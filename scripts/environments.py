@@ -134,8 +134,7 @@ def candidates(version: str) -> Iterator[list[str]]:
 
 def newest_blender() -> tuple[str, Path]:
     """Environment with the newest Blender for the running Python, else for any available one; and
-    its
-    Python.
+    its Python.
     """
     for only_running in (True, False):
         for name, version in BLENDERS.items():

@@ -55,8 +55,8 @@ MATERIALS = {
 
 
 def emblem(size: int = 256) -> np.ndarray:
-    """The display's image (size, size, 3), linear: a ring
-    and four corners of different colours on black.
+    """The display's image (size, size, 3), linear: a ring and four corners of different colours on
+    black.
     """
     y, x = (np.mgrid[:size, :size] + 0.5) / size * 2 - 1
     light = np.zeros((size, size, 3))

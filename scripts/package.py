@@ -1,6 +1,5 @@
 """Builds the extension's zips: fetches and builds the manifest's wheels, builds the manual, and
-runs
-Blender's own tool to build and validate.
+runs Blender's own tool to build and validate.
 
 Runs in an environment with bpy: `python scripts/dev.py build` calls it there.
 """

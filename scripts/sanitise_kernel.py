@@ -36,8 +36,7 @@ def runtime() -> str | None:
 
 def sanitised() -> dict[str, str] | None:
     """Build the sanitised kernel; returns the environment variables for Python to use it, None if
-    it
-    is impossible.
+    it is impossible.
     """
     libraries = runtime()
     if libraries is None:

@@ -53,8 +53,8 @@ NOT_LONG = ("-m", "not long")
 
 @dataclass(frozen=True)
 class Step:
-    """One command of the suite: arguments for the Python of an
-    environment; and is it run without the kernel?
+    """One command of the suite: arguments for the Python of an environment; and is it run without
+    the kernel?
     """
 
     name: str

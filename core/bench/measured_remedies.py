@@ -121,8 +121,7 @@ class Help:
 
     def sentence(self, length_text: Callable[[float], str]) -> Message:
         """A clause such as "make the plate 20 mm larger", with the arriving percentage if light
-        stays
-        lost.
+        stays lost.
 
         length_text : formats a length, m
         """

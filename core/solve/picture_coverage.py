@@ -32,8 +32,7 @@ def of_the_picture(
     picture: PicturePlace, viewer: Viewer, view_map: ViewMap, view_coverage: Floats
 ) -> Steps[tuple[float, dict[str, float]]]:
     """Fraction of the picture, as a viewer sees it, that is covered, and the rest by reason; sums
-    to
-    1.
+    to 1.
 
     The missing part of a pixel is attributed to the reasons of the rays at its corners and inside.
     If all of these have landed, it lies beyond the display's edge if one cell maps the pixel,

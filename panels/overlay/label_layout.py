@@ -19,8 +19,8 @@ GIZMO_MARGIN_PX = 20
 
 
 class Obstacles(NamedTuple):
-    """Boxes to avoid, boxes of pictures to avoid if possible, and the free part of the region;
-    each (2, 2) px.
+    """Boxes to avoid, boxes of pictures to avoid if possible, and the free part of the region; each
+    (2, 2) px.
     """
 
     fixed: tuple[Floats, ...]
@@ -65,8 +65,7 @@ def box_for(
     label: Sized, taken: list[tuple[str, Floats]], obstacles: Obstacles, scale: float
 ) -> Floats | None:
     """A free box (2, 2) px for a label near its anchor; None if there is no room, or the same text
-    is
-    already there.
+    is already there.
     """
     for avoided in (obstacles.pictures, ()):
         for box in _tries(label, avoided, scale):

@@ -75,8 +75,8 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """A source image (H, W, 3), the pixels (H, W) with at least half coverage, and their light
-    (H, W).
+    """A source image (H, W, 3), the pixels (H, W) with at least half coverage, and their light (H,
+    W).
     """
 
     source: NDArray[np.float32]
@@ -232,8 +232,7 @@ def _confirmed(
 
 def _fits_alike(glass: Glass, row: Row, rounds: int) -> bool:
     """Whether a row leaves the surfaces of a glass unchanged. Then no solve is needed: the row
-    costs
-    or saves only the seconds of fitting.
+    costs or saves only the seconds of fitting.
     """
     on, seconds_on = glass.fitted(None)
     try:

@@ -1,6 +1,5 @@
 """Display error of glass from artists, by each choice of *Surface*, against the intended surface:
-the
-limit of Subdivision, or the lathe of the same profile: `dev.py meant`.
+the limit of Subdivision, or the lathe of the same profile: `dev.py meant`.
 
 Wine glass and bottle are Blender's, by one and two levels of Subdivision (`--levels-3`: by three);
 the judge is the limit of the same cage by known/catmull_clark.py. The rings of 24 steps, with

@@ -45,8 +45,8 @@ def _vector(values: Floats) -> mi.Vector3f:
 
 
 class Rectangle:
-    """A flat rectangle with UV. No dataclass, or Dr.Jit would
-    carry its fields through the loop as state.
+    """A flat rectangle with UV. No dataclass, or Dr.Jit would carry its fields through the loop as
+    state.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -76,8 +76,8 @@ class Rectangle:
 
 
 class MeshGlass:
-    """Triangles with interpolated normals. Fetched here, for
-    Mitsuba's surface interaction costs a sixth more.
+    """Triangles with interpolated normals. Fetched here, for Mitsuba's surface interaction costs a
+    sixth more.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -134,8 +134,8 @@ class SphereGlass:
 def refract(
     directions: mi.Vector3f, normals: mi.Vector3f, eta: mi.Float
 ) -> tuple[mi.Vector3f, mi.Bool]:
-    """Snell's law as in core.light.optics: the refracted or
-    totally reflected direction, and which of the two it is.
+    """Snell's law as in core.light.optics: the refracted or totally reflected direction, and which
+    of the two it is.
     """
     c = -dr.dot(directions, normals)
     k = c * c + (1 - eta) * (1 + eta) * dr.squared_norm(directions + c * normals)
@@ -147,8 +147,8 @@ def refract(
 def meet_glass(
     d: mi.Vector3f, face: mi.Vector3f, normal: mi.Vector3f, ior: float
 ) -> tuple[mi.Vector3f, mi.Bool, mi.Bool]:
-    """Directions after a surface of the glass, which of them are
-    totally reflected, and which come from outside.
+    """Directions after a surface of the glass, which of them are totally reflected, and which come
+    from outside.
 
     As in core/light, the face's own normal takes over where the
     interpolated one would send light to the wrong side.

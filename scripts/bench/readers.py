@@ -33,8 +33,7 @@ def by_opencv(folder: Path, picture: np.ndarray) -> None:
 
 def by_ffmpeg(folder: Path, picture: np.ndarray, times: int) -> None:
     """The printed command in 16 bits, for its coordinates, and unchanged, with a film of three
-    frames;
-    the picture is dark in the first and last.
+    frames; the picture is dark in the first and last.
     """
     height, width = picture.shape[:2]
     about = json.loads((folder / "maps.json").read_text())

@@ -67,8 +67,8 @@ def fill_window(player: Recorder) -> Iterator[float]:
 
 
 def frame_of_view(player: Recorder) -> np.ndarray:
-    """Corners of the viewer's image in the window, px: upper left, upper right, lower right,
-    lower left.
+    """Corners of the viewer's image in the window, px: upper left, upper right, lower right, lower
+    left.
     """
     area, region = player.area("VIEW_3D"), player.region("VIEW_3D", "WINDOW")
     with bpy.context.temp_override(window=player.window, area=area, region=region):

@@ -299,8 +299,8 @@ def check_result(scene: bpy.types.Scene) -> np.ndarray:
 def check_solution(
     scene: bpy.types.Scene, reading: blender_scene.Reading, source: np.ndarray
 ) -> None:
-    """WrongError unless core alone comes to the same source
-    image (h, w, 3), and its numbers are possible.
+    """WrongError unless core alone comes to the same source image (h, w, 3), and its numbers are
+    possible.
     """
     ours = scene.kiriko
     names = (
@@ -578,8 +578,7 @@ def work_off(options: argparse.Namespace) -> None:
 @contextlib.contextmanager
 def ended_after(seconds: float) -> Iterator[None]:
     """End the process from outside of Python after so many processor seconds, which do not depend
-    on
-    the machine's load. On Windows, and for a waiting process, after `IDLE` times as many wall
+    on the machine's load. On Windows, and for a waiting process, after `IDLE` times as many wall
     seconds.
     """
     faulthandler.dump_traceback_later(IDLE * seconds, exit=True)

@@ -91,8 +91,8 @@ def shaken(mesh: bpy.types.Mesh, noise: float, random: Random) -> bpy.types.Mesh
 
 
 def behind(normals: np.ndarray, distances: np.ndarray) -> bpy.types.Mesh:
-    """The convex body behind all planes, by their outward
-    normals (p, 3) and distances (p,) from the origin.
+    """The convex body behind all planes, by their outward normals (p, 3) and distances (p,) from
+    the origin.
 
     Its corners are where three planes meet and no other cuts them off.
     """

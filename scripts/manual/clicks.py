@@ -1,6 +1,5 @@
 """Counts the clicks from selected glass to a visible picture and to an exported file, and checks
-the
-positions of the main buttons.
+the positions of the main buttons.
 
 Plays each task in the real Blender with mouse and keyboard events. The picture is visible when the
 viewport shows the viewer's view and the source image is final; it is exported when the file exists.

@@ -46,8 +46,7 @@ def look(window: bpy.types.Window, path: Path) -> np.ndarray:
 
 def glance(window: bpy.types.Window, path: Path) -> bytes:
     """Bytes that are equal while the window does not change. No image is added or removed, or
-    Cycles
-    would restart the viewport's image.
+    Cycles would restart the viewport's image.
     """
     if is_black(path):
         return by_x_server(window.width, window.height).tobytes()

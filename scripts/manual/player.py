@@ -128,8 +128,7 @@ class Player:
     @property
     def n_clicks(self) -> int:
         """Clicks sent for the task. A menu item chosen by the key Return counts as one, since a
-        mouse
-        would click it.
+        mouse would click it.
         """
         made = self.sent - self.searches
         return made["LEFTMOUSE"] + made["RET"]
@@ -204,9 +203,8 @@ class Player:
 
     def tab(self, step: Tab) -> Iterator[float]:
         """Click the tabs from the top down until the wanted one is open, then the first one, and
-        the
-        wanted one once more: only the last click counts. Blender does not report the positions of
-        tabs.
+        the wanted one once more: only the last click counts. Blender does not report the positions
+        of tabs.
         """
         region = self.region("VIEW_3D", "UI")
         is_open = lambda: region.active_panel_category == step.name  # noqa: E731

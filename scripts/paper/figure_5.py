@@ -30,8 +30,8 @@ Result = TypeVar("Result")
 
 
 def rmse(one: Floats, other: Floats | None = None) -> float:
-    """Root of the mean product of two errors: of one error its
-    RMSE, of two with noise of their own their common part.
+    """Root of the mean product of two errors: of one error its RMSE, of two with noise of their own
+    their common part.
     """
     return float(np.sqrt(max(np.mean(one * (one if other is None else other)), 0.0)))
 

@@ -70,8 +70,8 @@ def face_of(mesh: Mesh) -> tuple[Floats, Floats]:
 
 
 def infloasion(rig: Rig) -> Rig:
-    """The rig with the mirror image of the half of its glass
-    on the plate's side, standing on the display.
+    """The rig with the mirror image of the half of its glass on the plate's side, standing on the
+    display.
 
     The aerial plane cuts the glass; its mirror image in the plate is the display. Light of a point
     of the display goes through the mirrored half as it does, by symmetry, through the half behind

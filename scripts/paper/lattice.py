@@ -17,8 +17,8 @@ SAMPLES = 4  # the optics is delta: more only smooth the edges of display pixels
 
 
 def framed(viewer: Viewer, width: int, crop: tuple[int, int, int, int]) -> Viewer:
-    """The part (left, top, right, bottom; px) of a viewer's image
-    at another width of the whole, as a viewer.
+    """The part (left, top, right, bottom; px) of a viewer's image at another width of the whole, as
+    a viewer.
     """
     height = round(width * viewer.height / viewer.width)
     x0, y0, x1, y1 = crop
@@ -33,8 +33,8 @@ def framed(viewer: Viewer, width: int, crop: tuple[int, int, int, int]) -> Viewe
 
 
 def measuring_width(reading: Reading, ideal: np.ndarray) -> int:
-    """Width of the frame at which the lattice is ACROSS pixels
-    wide, from the ideal image (h, w, 3) at any size.
+    """Width of the frame at which the lattice is ACROSS pixels wide, from the ideal image (h, w, 3)
+    at any size.
     """
     dots = dot_centroids(ideal)
     span = np.nanmax(dots[..., 0]) - np.nanmin(dots[..., 0])
@@ -63,8 +63,8 @@ def shift_in_cycles(
     seen: np.ndarray,
     samples: int = SAMPLES,
 ) -> LatticeShift:
-    """Displacement of the lattice in a Cycles render, ACROSS
-    pixels from dot to dot, against the ideal image; as `dots_in_cycles`.
+    """Displacement of the lattice in a Cycles render, ACROSS pixels from dot to dot, against the
+    ideal image; as `dots_in_cycles`.
     """
     dots = dots_in_cycles(scene, reading, source, ideal, seen, samples)
     part = framed(reading.rig.viewer, dots.size[0], dots.crop)

@@ -70,9 +70,7 @@ def test_unreadable_marks_are_reported_once(
     small_rig()
     scene.kiriko.calibration.offset = "damaged on 29 November"
     reports: list[str] = []
-    monkeypatch.setattr(
-        reporting, "report", lambda operator, level, text: reports.append(str(text))
-    )
+    monkeypatch.setattr(reporting, "report", lambda _, level, text: reports.append(str(text)))
     for _ in range(2):
         bpy.ops.kiriko.solve()
     assert [text for text in reports if "damaged on 29 November" in text] == [

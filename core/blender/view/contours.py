@@ -43,8 +43,7 @@ def edges_of(mesh: Mesh) -> MeshEdges:
 
 def contours(mesh: Mesh, edges: MeshEdges, viewer: Viewer) -> Floats:
     """Ends (n, 2, 3) m of open edges, of edges where a body turns away from a viewer, and of
-    creases
-    on its front.
+    creases on its front.
     """
     normals, is_front = _facing(mesh, viewer)
     a, b = edges.triangles.T

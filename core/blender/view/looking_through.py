@@ -58,8 +58,7 @@ def narrow(space: bpy.types.SpaceView3D, names: Iterable[str], widened: Iterable
 
 def _shows(space: bpy.types.SpaceView3D, thing: bpy.types.Object) -> bool:
     """Whether a view in local view shows an object. Blender 4.2 reports its visibility instead of
-    its
-    membership in the local view.
+    its membership in the local view.
     """
     return thing.local_view_get(space) or thing.visible_get(viewport=space)
 
@@ -163,8 +162,7 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
 
 def _change(key: str, thing: bpy.types.ID, values: dict[str, Any]) -> None:
     """Change an object or a camera, which stores the changes itself. A record of another scene's
-    view
-    is continued.
+    view is continued.
     """
     before = Changed.read(thing.get(LOOKING_MARK, "")).changes
     changes = [*before, *map(list, change(thing, values))]
@@ -280,8 +278,7 @@ def put_views_back(scene: bpy.types.Scene, text: str) -> None:
 
 def _put_back(scene: bpy.types.Scene, changed: Changed) -> None:
     """Restore changes, the last one first. A view with another camera is left alone; a view that
-    was
-    turned away keeps its direction.
+    was turned away keeps its direction.
     """
     poses = [one for one in changed.changes if one[3] is None]
     for place, path, before, after in reversed(changed.changes):

@@ -68,8 +68,7 @@ def be_seen_as_glass(material: bpy.types.Material, ior: float) -> None:
 
 def be_seen_as_plate(material: bpy.types.Material) -> None:
     """Turn a material into an ideal plate, tinted and see-through outside Cycles. EEVEE would draw
-    its
-    portal black.
+    its portal black.
     """
     shaders.be_plate(material)
     material.diffuse_color = PLATE

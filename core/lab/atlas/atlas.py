@@ -245,8 +245,7 @@ class Making:
 
 def missing(folder: Path, atlas: Atlas) -> list[int]:
     """Numbers of the positions with missing files. Files are written atomically, so an existing
-    file
-    is complete.
+    file is complete.
     """
     names = zip(atlas.maps, atlas.images or atlas.maps, strict=True)
     return [k for k, files in enumerate(names) if not all((folder / f).exists() for f in files)]
@@ -479,8 +478,7 @@ def _remove(folder: Path, names: Iterable[str]) -> None:
 
 def planned_before(making: Making) -> Atlas:
     """The atlas in the folder; RigError if it belongs to another rig, or its source images to
-    another
-    picture.
+    another picture.
     """
     atlas = read(making.folder)
     if atlas is None:

@@ -83,8 +83,7 @@ class HeadGrid:
 
     def around(self, offset: Offset) -> tuple[list[int], Floats]:
         """Numbers and weights of the positions at the corners of an offset's cell. The weights sum
-        to
-        1; corners of weight 0 are omitted.
+        to 1; corners of weight 0 are omitted.
         """
         numbers, weights = np.zeros(1, np.int64), np.ones(1)
         for nodes, x in zip(self.nodes, offset, strict=True):

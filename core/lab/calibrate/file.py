@@ -184,8 +184,7 @@ def check_picture(
     points: Floats, lattice: Lattice, photograph: NDArray, picture: NDArray, is_unsure: bool
 ) -> None:
     """Raise ImageError if a photograph matches the picture better mirrored, upside down or shifted
-    by
-    a column or row.
+    by a column or row.
 
     If all points look alike, only the picture's border distinguishes these cases. With `is_unsure`,
     as when an outer column is missing, the numbering must match clearly better than every mistake.

@@ -18,8 +18,7 @@ from .misalignment import FEWEST, Bench
 @dataclass(frozen=True)
 class Damping:
     """Damping of the least squares, verified on simulated benches in
-    tests/core/test_misalignment.py
-    and `dev.py paper`.
+    tests/core/test_misalignment.py and `dev.py paper`.
 
     most_steps : of the iteration
     first : initial damping of the normal equations' diagonal
@@ -297,8 +296,7 @@ def _without_strangers(
 
 def _strangers(distance: Floats, left_out: Bools, n_measured: int) -> Bools:
     """Mask (m,) of the points much farther from the fit than the median, in noise. All False if
-    there
-    would be too many outliers, including earlier ones.
+    there would be too many outliers, including earlier ones.
     """
     far = distance > max(FITTING.unlikely, FITTING.strange * np.nanmedian(distance))
     return far & ((left_out | far).sum() <= FITTING.most_strange * n_measured)

@@ -352,8 +352,7 @@ def _nearest_placement(
     places: list[tuple[int, Ints]], at: Floats, expected: Floats, lattice: Lattice
 ) -> Ints:
     """The placement with the least rotation from the expected points, then the nearest; ImageError
-    if
-    it is ambiguous.
+    if it is ambiguous.
     """
     turned: dict[int, float] = {}
     distance = []

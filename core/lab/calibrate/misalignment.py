@@ -142,8 +142,7 @@ class Bench:
 
     def sensitivity(self, amounts: Floats | None = None, at: Floats | None = None) -> Floats:
         """Movement (p, m, 2) of the points, viewer px per unit of each parameter, from the view
-        map's
-        derivatives.
+        map's derivatives.
 
         amounts : (p,) errors, by default none
         at : (m, 2) viewer px of the points with these errors, by default as planned

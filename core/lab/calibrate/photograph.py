@@ -190,8 +190,7 @@ def find_crossings(windows: NDArray[np.float32]) -> Marks:
 
 def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], Floats]:
     """Windows (n,) with four arms in two nearly straight pairs, the directions (n, 2) of their
-    lines,
-    and their contrast (n,).
+    lines, and their contrast (n,).
     """
     at = RADII_PX[:, None] * TURNS_AROUND
     arms = np.sort(read_between(windows, np.broadcast_to(at, (len(windows), *at.shape))), 1)

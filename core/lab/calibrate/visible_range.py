@@ -65,8 +65,7 @@ class VisibleRange:
 
 def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, VisibleRange]:
     """Find the positions from which at least a share `enough` of the picture is seen. Yields
-    progress
-    0..1.
+    progress 0..1.
 
     Raises
     ------
@@ -148,8 +147,7 @@ class _Sphere:
 
 def _points_of(corners: Floats) -> tuple[Floats, Floats]:
     """Points (n, 3) spread over triangles (m, 3, 3), at most SURVEY.n_points, and their shares (n,)
-    of
-    the area.
+    of the area.
     """
     area = areas_of(corners)
 

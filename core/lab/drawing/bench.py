@@ -99,8 +99,7 @@ def rectangle(mesh: Mesh) -> Rectangle | None:
 
 def _from_lower_left(corners: Floats, mesh: Mesh) -> Floats:
     """Corners (4, 3), rotated to begin at the lower left of the image by its UV map; unchanged
-    without
-    a UV map.
+    without a UV map.
     """
     if mesh.uv is None:
         return corners
@@ -325,8 +324,7 @@ def letters() -> Iterator[str]:
 
 def _fitted(parts: list[StandingPart], room: Floats) -> tuple[View, View]:
     """Side view and plan view in an area (2, 2) of the sheet, mm: one above the other, or side by
-    side
-    if the scale is larger then.
+    side if the scale is larger then.
     """
     boxes = np.stack([part.box for part in parts] + [np.zeros((2, 3))])
     low = MM * boxes[:, 0].min(axis=0)
@@ -352,8 +350,7 @@ def _fitted(parts: list[StandingPart], room: Floats) -> tuple[View, View]:
 
 def _scale(sizes: Floats, room: Floats, along: int) -> float:
     """The largest scale in SCALES for views of sizes (2, 2), mm of the bench, in an area (2,), mm
-    of
-    paper, arranged along x (0) or y (1).
+    of paper, arranged along x (0) or y (1).
     """
     need = sizes.max(axis=0)
     need[along] = sizes[:, along].sum()
@@ -541,8 +538,7 @@ def _draw_image(
     sheet: PaperSheet, viewer: Viewer, lattice: Lattice, points: Floats, room: Floats
 ) -> None:
     """Draw the viewer's image in an area (2, 2), mm, with points (n, 2), px, and the pixel
-    coordinates
-    of the lattice's corners.
+    coordinates of the lattice's corners.
     """
     size = np.array([viewer.width, viewer.height], float)
     scale = ((room[1] - room[0]) / size).min()

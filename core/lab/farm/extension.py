@@ -24,8 +24,7 @@ def manifest(root: Path = ROOT) -> dict[str, Any]:
 
 def files_of(root: Path = ROOT) -> list[str]:
     """Relative paths of the extension's files: all of an installed folder, only the packed ones of
-    a
-    checkout.
+    a checkout.
 
     Raises
     ------

@@ -153,8 +153,8 @@ def places_of_shown(
 
 
 def _shown(solved: Sequence[Observer], uv: Floats) -> Steps[tuple[Floats, list[Floats]]]:
-    """Display px (n, 2) that show places, and viewer px (n, 2) at which each viewer sees them;
-    or NaN.
+    """Display px (n, 2) that show places, and viewer px (n, 2) at which each viewer sees them; or
+    NaN.
     """
     place = solved[0].plan.rig.picture_place
     plans = [look.plan for look in solved]

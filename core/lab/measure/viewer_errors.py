@@ -322,8 +322,7 @@ def mtf50(light: Floats) -> float | None:
 
 def edge_image() -> Floats:
     """A picture (SIDE, SIDE, 4) float32, linear RGBA: N dark and bright columns with edges tilted
-    by
-    TILT.
+    by TILT.
     """
     y, x = np.mgrid[:SIDE, :SIDE] + 0.5 - SIDE / 2
     away = x * np.cos(TILT) + y * np.sin(TILT)

@@ -229,8 +229,7 @@ FAR = -64.0  # px; far enough outside that OpenCV's filters read no part of the 
 
 def pixels_of(stmap: STMap) -> Floats:
     """Positions (h, w, 2) as pixels of the other image, x right and y down, integers at pixel
-    middles;
-    NaN for empty pixels.
+    middles; NaN for empty pixels.
     """
     width, height = stmap.to_size
     xy = stmap.st * [width, -height] + [-0.5, height - 0.5]
@@ -387,8 +386,7 @@ def names_of(suffix: str, options: MapOptions) -> dict[str, tuple[str, ...]]:
 
 def suffixes(seen_by: Sequence[tuple[str, float]]) -> list[str]:
     """Suffixes of file names, one for each channel's viewer name and wavelength, m; empty for a
-    single
-    channel.
+    single channel.
     """
     has_viewers, has_wavelengths = (len(set(them)) > 1 for them in zip(*seen_by, strict=True))
     found: list[str] = []

@@ -183,8 +183,7 @@ def _picture_places(place: PicturePlace, viewer: Viewer, view: Floats) -> tuple[
 
 def _picture_st(place: PicturePlace, viewer: Viewer, view: Floats) -> Floats:
     """Picture positions (n, 2) as (s, t) from viewer px (n, 2); a flat rectangle continues beyond
-    its
-    borders.
+    its borders.
     """
     mapping = flat_mapping(place, viewer)
     if mapping is None:
@@ -218,8 +217,7 @@ def _is_on(place: PicturePlace, viewer: Viewer, st: Floats, overscan: float) -> 
 
 def _extended(stmap: STMap) -> STMap:
     """The map with positions beyond the other image clamped to the middles of its outermost pixels.
-    A
-    source image shows their colours there, but many programs would show nothing.
+    A source image shows their colours there, but many programs would show nothing.
     """
     is_beyond = stmap.is_there[..., None] & ((stmap.st < 0) | (stmap.st > 1))
     edge = 0.5 / np.array(stmap.to_size)
@@ -280,8 +278,7 @@ def mesh_grid(display_size: tuple[int, int], step: float) -> Grid:
 
 def _finer(large: Grid) -> int:
     """Number of fine cells, each about a pixel wide, along a large cell. It is limited by the size
-    of
-    the large cell, not by the requested step.
+    of the large cell, not by the requested step.
     """
     x, y = large.step
     return max(1, round((x * y) ** 0.5))
@@ -372,8 +369,7 @@ def write_data(path: Path, mesh: WarpMesh) -> None:
 
 def _drawn_nodes(mesh: WarpMesh) -> Bools:
     """Nodes (h, w) of the large cells to draw. Programs draw a cell if all its corners are drawn,
-    so
-    in a cell with several paths only the nodes of one path remain.
+    so in a cell with several paths only the nodes of one path remain.
     """
     path = mesh.path[:: mesh.finer, :: mesh.finer]
     drawn = path != NO_PATH
@@ -391,8 +387,7 @@ def _drawn_nodes(mesh: WarpMesh) -> Bools:
 
 def _corners(place: Ints, step: int, columns: int) -> Ints:
     """Node numbers (n, 4) of the corners of cells, `step` nodes wide, from the row and column (n,
-    2)
-    of the upper left node.
+    2) of the upper left node.
     """
     first = place[:, 0] * columns + place[:, 1]
     return first[:, None] + np.array([0, step, step * columns + step, step * columns])

@@ -212,8 +212,7 @@ def inverse_of(matrices: Floats) -> Floats:
 
 def _corrected(inverse: Floats, step: Floats, change: Floats) -> Floats:
     """Broyden's update of inverse derivatives (n, 2, 2), from a step (n, 2) and the resulting
-    change
-    (n, 2).
+    change (n, 2).
     """
     predicted = _times(inverse, change)
     back = np.einsum("ni,nij->nj", step, inverse)
@@ -326,8 +325,7 @@ def _spans(corners: Floats, owner: Ints, row: Ints) -> tuple[Floats, Floats]:
 
 def _within(triangles: Piece, grid: Grid, owner: Ints, number: Ints) -> Candidates:
     """Candidates for pairs of a triangle `owner` (n,) and a grid point `number` (n,), if the
-    triangle
-    contains the point.
+    triangle contains the point.
     """
     # the inverse map of each triangle
     a = triangles.display[:, 1] - triangles.display[:, 0]
