@@ -154,7 +154,7 @@ def _state_of(context: bpy.types.Context, found: list[Entry]) -> tuple[Message, 
 
 
 def is_unsolved(scene: bpy.types.Scene) -> bool:
-    """Is there no result, and will none come by itself?"""
+    """Whether there is no result and none is under way."""
     return scene.kiriko.result.source is None and not watch.is_followed(scene)
 
 

@@ -47,7 +47,7 @@ def side_by_side(
 
 
 def have_room(context: bpy.types.Context, labels: list[str]) -> bool:
-    """Is the sidebar wide enough for a row of equal buttons with these labels?"""
+    """Whether the sidebar is wide enough for a row of equal buttons with these labels."""
     width = context.region.width / context.preferences.system.ui_scale - MARGIN
     blf.size(FONT, points_of(context))
     widest = max((blf.dimensions(FONT, label)[0] for label in labels), default=0.0)

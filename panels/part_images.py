@@ -64,7 +64,7 @@ def nearer(points: Floats, view: Matrix, is_perspective: bool, distance: float) 
 
 
 def is_drawn(context: bpy.types.Context, role: str) -> bool:
-    """Is the image of such a part drawn in this view?
+    """Whether the image of such a part is drawn in this view.
 
     It is not if the display's material or the light itself shows it.
     """

@@ -61,7 +61,7 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
 
 
 def are_some_missing(scene: bpy.types.Scene) -> bool:
-    """Do some viewers lack an image of their own that they need?"""
+    """Whether some viewers have no image of their own but need one."""
     return scene.kiriko.picture_source == "IMAGE" and any(
         seat.image is None for seat in seats_of(scene)
     )

@@ -202,7 +202,7 @@ def link_package() -> Path:
 
 
 def can_install() -> bool:
-    """Is this a Debian or Ubuntu, and are we allowed to install its packages?"""
+    """Whether this is Debian or Ubuntu, and we may install packages."""
     return bool(shutil.which("apt-get")) and hasattr(os, "geteuid") and os.geteuid() == 0
 
 

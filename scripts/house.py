@@ -207,7 +207,7 @@ def numbers(tree: ast.Module) -> list[str]:
 
 
 def is_number(value: ast.expr) -> bool:
-    """Is this a number, or an expression of some?"""
+    """Whether a node is a number, or an expression of numbers."""
     return isinstance(value, (ast.BinOp, ast.UnaryOp)) or (
         isinstance(value, ast.Constant) and type(value.value) in (int, float)
     )

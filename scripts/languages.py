@@ -1,4 +1,4 @@
-"""Which texts of the interface has a language still to get, and which does nobody use any more?
+"""Lists texts of the interface that a language is missing, and entries no longer used.
 
 `python3 scripts/dev.py languages` prints both for each file of `languages/`, the missing ones as
 entries that can be added to it; `--only ja_JP` looks at one.

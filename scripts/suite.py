@@ -53,9 +53,7 @@ NOT_LONG = ("-m", "not long")
 
 @dataclass(frozen=True)
 class Step:
-    """One command of the suite: arguments for the Python of an environment; and is it run without
-    the kernel?
-    """
+    """One command of the suite: arguments for the Python of an environment, with or without kernel."""
 
     name: str
     environment: str

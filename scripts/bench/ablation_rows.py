@@ -82,7 +82,7 @@ class Row:
 
     @property
     def is_fit(self) -> bool:
-        """Does it only count where surfaces are fitted to meshes?"""
+        """Whether it matters only if surfaces are fitted to meshes."""
         _, module = self.changes[0].target.split(".")[:2]
         return self.room == "glass" and module not in ("bounding_shell", "curved_hits")
 

@@ -48,7 +48,7 @@ class Dice:
         return bool(self.rng.random() < share)
 
     def wild(self, share: float, what: str) -> bool:
-        """Is this wild, in this share of the wildest rigs?"""
+        """Whether this is wild, in this fraction of the wildest rigs."""
         is_wild = self.chance(share * self.wildness)
         if is_wild:
             self.drawn.append(what)

@@ -339,7 +339,7 @@ def check_kernel(rig: Rig, settings: Settings) -> None:
 
 
 def is_comparable(reading: blender_scene.Reading, dice: Dice) -> bool:
-    """Can Cycles, in single precision and with one index an interface, trace the same landings?"""
+    """Whether Cycles, in single precision and with one index per interface, can trace the same."""
     _, notes = interfaces(reading.rig.glasses)
     return dice.is_tame and not notes and all(plate.array is None for plate in reading.rig.plates)
 

@@ -122,7 +122,7 @@ STYLE = (
 
 
 def is_setting(prop: bpy.types.Property) -> bool:
-    """Is a property set by people, neither a group of others nor a note of the code?"""
+    """Whether people set a property: neither a group nor a record of the code."""
     if prop.is_hidden or prop.name == prop.identifier or prop.type == "COLLECTION":
         return False
     if prop.type == "STRING":

@@ -18,13 +18,13 @@ from manual.grab import grab
 
 
 def has_rig() -> bool:
-    """Is a rig there, and nothing at work?"""
+    """Whether there is a rig and nothing is running."""
     scene = bpy.context.scene
     return is_quiet() and any(thing.kiriko.role == "DISPLAY" for thing in scene.objects)
 
 
 def is_solved() -> bool:
-    """Is there a final source image?"""
+    """Whether there is a final source image."""
     result = bpy.context.scene.kiriko.result
     return bool(result.source is not None and not result.is_coarse and result.summary)
 
@@ -48,7 +48,7 @@ def is_seen() -> bool:
 
 
 def is_up_to_date() -> bool:
-    """Is the source image final, and has Live, where it is on, nothing left to do?"""
+    """Whether the source image is final and Live, if on, has nothing left to do."""
     live = kiriko("operators.live").followed()
     is_settled = live is None or not (live.is_working or live.is_changed)
     return is_settled and is_solved()
@@ -65,7 +65,7 @@ def kiriko(module: str) -> ModuleType:
 
 
 def is_quiet() -> bool:
-    """Does none of Kiriko's operators work?"""
+    """Whether none of Kiriko's operators is running."""
     modal = bpy.context.window_manager.windows[0].modal_operators
     return not any(operator.bl_idname.startswith("KIRIKO") for operator in modal)
 
@@ -76,7 +76,7 @@ def exported() -> Path:
 
 
 def is_exported() -> bool:
-    """Is the file there, whole?"""
+    """Whether the complete file exists."""
     return is_quiet() and exported().is_file() and exported().stat().st_size > 0
 
 
@@ -225,18 +225,18 @@ def pictures() -> Path:
 
 
 def has_eye_box() -> bool:
-    """Is there an eye box, and nothing at work?"""
+    """Whether there is an eye box and nothing is running."""
     surfaces = kiriko("operators.outdated_surfaces")
     return is_quiet() and surfaces.looked_up(bpy.context.scene, surfaces.EYE_BOX) is not None
 
 
 def has_seaside() -> bool:
-    """Is it the picture, and is nothing at work?"""
+    """Whether it is the picture and nothing is running."""
     return is_quiet() and any(image.name == "seaside.png" for image in bpy.data.images)
 
 
 def is_telephone() -> bool:
-    """Has the display the pixels of an iPhone 15?"""
+    """Whether the display has the pixels of an iPhone 15."""
     return any(
         tuple(sorted(thing.kiriko.resolution)) == (1179, 2556)
         for thing in bpy.context.scene.objects
