@@ -53,7 +53,7 @@ NOT_LONG = ("-m", "not long")
 
 @dataclass(frozen=True)
 class Step:
-    """One command of the suite: arguments for the Python of an environment, with or without kernel."""
+    """A command of the suite: arguments for an environment's Python, with or without the kernel."""
 
     name: str
     environment: str
