@@ -116,7 +116,7 @@ CLASSES = (
     calibrate.KIRIKO_OT_remove_calibration,
 )
 # tooltips with values, which Blender translates as a whole
-TIPS = tuple({**preset.PLATE_TIPS, **preset.DISPLAY_TIPS, **preset.GLASS_TIPS}.values())
+TIPS = tuple({**preset.PLATE_TIPS, **preset.DISPLAY_TIPS, **make_glass.GLASS_TIPS}.values())
 _commands: list[object] = []
 
 

@@ -50,12 +50,13 @@ KINDS = (
     (
         "IN_GLASS",
         "Picture Inside Glass",
-        "A plate images the display into the glass, where the picture seems to float",
+        "Build a rig with a mirror plate, which images the display into the glass, where the"
+        " picture floats",
     ),
     (
         "BEHIND_GLASS",
         "Screen Behind Glass",
-        "No plate: the viewer sees a phone or another display straight through the active glass",
+        "Build a rig without a plate: the viewer sees a phone or another screen behind the glass",
     ),
 )
 # properties of one kind of rig
@@ -141,6 +142,13 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     auto_plate_size: automatic.checkbox("plate_size", _taken)
     auto_display_size: automatic.checkbox("display_size", _taken)
     auto_max_display_size: automatic.checkbox("max_display_size", _taken)
+
+    @classmethod
+    def description(
+        cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties
+    ) -> str:
+        tip = next(tip for kind, _, tip in KINDS if kind == properties.kind)
+        return bpy.app.translations.pgettext_tip(tip)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -4,16 +4,23 @@ import bpy
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message, as_message, joined, quoted
-from ..core.blender.checks.inspect_scene import has_own_faces, refracts_as_shown
+from ..core.blender.checks.inspect_scene import (
+    has_own_faces,
+    materials_as_shown,
+    refracts_as_shown,
+)
 from ..core.blender.lifecycle.given_glass import give, has_place, set_by_modifier
 from ..core.blender.view.viewport_look import be_seen_as_glass
 from ..core.rig.catalogue import GLASSES
 from . import needed, reporting
 from .part_verbs import NamesPart
-from .preset import GLASS_TIPS
 
 NAME = "Kiriko Glass"
 NOTHING = Message("Select opaque glass")
+GLASS_TIPS = {
+    name: Message("Index of refraction {ior:g}", ior=product.ior)
+    for name, product in GLASSES.items()
+}
 
 
 def can_be_given(thing: bpy.types.Object) -> bool:
@@ -46,6 +53,50 @@ def _setting_their_own(
     }
 
 
+def make_glass(context: bpy.types.Context, things: list[bpy.types.Object], product: str) -> Message:
+    """Give objects the clear material of a product: one for those with the same materials before,
+    else each its own. Returns the report.
+    """
+    before: dict[tuple, list[bpy.types.Object]] = {}
+    for thing in things:
+        shown = tuple(materials_as_shown(context.scene, thing))
+        before.setdefault(shown or (thing,), []).append(thing)
+
+    texts = [_give_one(context, alike, product) for alike in before.values()]
+    result = context.scene.kiriko.result
+    prefixes = tuple(
+        Message("The material of '{name}' isn't glass", name=thing.name) for thing in things
+    )
+    result.notes = "\n".join(
+        note for note in result.notes.splitlines() if not note.startswith(prefixes)
+    )
+    return joined(texts)
+
+
+def _give_one(context: bpy.types.Context, things: list[bpy.types.Object], product: str) -> Message:
+    """Give objects one new material. Returns the report."""
+    glass, ior = bpy.data.materials.new(NAME), GLASSES[product].ior
+    try:
+        be_seen_as_glass(glass, ior)
+    except BaseException:
+        bpy.data.materials.remove(glass)
+        raise
+
+    for thing in things:
+        give(thing, glass)
+    own = _setting_their_own(context, things)
+    for thing in own:
+        set_by_modifier(thing, glass)
+    text = Message(
+        "{names}: now {product}, index {ior:g} (material '{glass}').",
+        names=quoted(thing.name for thing in things),
+        product=as_message(product),
+        ior=ior,
+        glass=glass.name,
+    )
+    return joined([text, Message("A new modifier assigns it.")]) if own else text
+
+
 class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
     """Give glass a clear material; Remove Rig restores its own"""
 
@@ -71,35 +122,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
             if not things or not all(map(can_be_given, things)):
                 raise RigError("{reason}.", reason=NOTHING)
 
-            glass = bpy.data.materials.new(NAME)
-            try:
-                be_seen_as_glass(glass, GLASSES[self.product].ior)
-            except BaseException:
-                bpy.data.materials.remove(glass)
-                raise
-
-            for thing in things:
-                give(thing, glass)
-            own = _setting_their_own(context, things)
-            for thing in own:
-                set_by_modifier(thing, glass)
-            names = quoted(thing.name for thing in things)
-            result = context.scene.kiriko.result
-            prefixes = tuple(
-                Message("The material of '{name}' isn't glass", name=thing.name) for thing in things
-            )
-            result.notes = "\n".join(
-                note for note in result.notes.splitlines() if not note.startswith(prefixes)
-            )
-            text = Message(
-                "{names}: now {product}, index {ior:g} (material '{glass}').",
-                names=names,
-                product=as_message(self.product),
-                ior=GLASSES[self.product].ior,
-                glass=glass.name,
-            )
-            if own:
-                text = joined([text, Message("A new modifier assigns it.")])
+            text = make_glass(context, things, self.product)
             reporting.report(self, "INFO", text)
 
             return {"FINISHED"}

@@ -73,7 +73,8 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
     def description(
         cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties
     ) -> str:
-        return next(tip for name, _, tip, *_ in EXAMPLES if name == properties.example)
+        tip = next(tip for name, _, tip, *_ in EXAMPLES if name == properties.example)
+        return bpy.app.translations.pgettext_tip(tip)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return self._open("EXEC_DEFAULT")

@@ -16,6 +16,7 @@ from ..core.light.interaction_plate import PLATE_FLATNESS
 from ..core.rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct
 from ..core.rig.rig import ROLES
 from . import needed, reporting, work
+from .make_glass import GLASS_TIPS, can_be_given, make_glass
 from .part_verbs import NamesPart
 
 NOUNS = {role.name: role.noun for role in ROLES}
@@ -154,14 +155,8 @@ class KIRIKO_OT_display_preset(GivesProduct, bpy.types.Operator):
         return give_display(context, thing, DISPLAYS[self.preset], self.is_upright)
 
 
-GLASS_TIPS = {
-    name: Message("Index of refraction {ior:g}", ior=product.ior)
-    for name, product in GLASSES.items()
-}
-
-
 class KIRIKO_OT_glass_preset(GivesProduct, bpy.types.Operator):
-    """Use a real material's index for the glass"""
+    """Use a real material's index for the glass; opaque glass gets a clear material"""
 
     bl_idname = "kiriko.glass_preset"
     bl_label = "Glass Preset"
@@ -185,8 +180,13 @@ class KIRIKO_OT_glass_preset(GivesProduct, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with reporting.errors_reported(self):
             things = [] if self.part else self.selected(context)
-            given = give_glass(things or [self.part_in(context)], GLASSES[self.preset])
-            reporting.report(self, "INFO", joined([one.text for one in given]))
+            things = things or [self.part_in(context)]
+            opaque = list(filter(can_be_given, things))
+            texts = [make_glass(context, opaque, self.preset)] if opaque else []
+            given = give_glass(things, GLASSES[self.preset])
+            others = zip(things, given, strict=True)
+            texts += [one.text for thing, one in others if thing not in opaque]
+            reporting.report(self, "INFO", joined(texts))
             return {"FINISHED"}
 
         return {"CANCELLED"}

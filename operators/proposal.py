@@ -436,7 +436,7 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
 
 
 class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):
-    """Move the picture and the display to the side of the glass nearest the viewer"""
+    """Move picture and display from behind the glass to its back, or from inside it to its front"""
 
     bl_idname = "kiriko.move_to_glass"
     bl_label = "Move to Glass"
@@ -464,7 +464,7 @@ class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):
                 )
             moves.append(move_of(thing, Motion(np.eye(3), shift), metres))
         text = Message(
-            "'{picture}' and '{display}' move {way} towards the viewer.",
+            "'{picture}' moves {way} towards the viewer, and '{display}' with it.",
             picture=rig.picture_place.name,
             way=length_text(scene, way),
             display=rig.display.name,

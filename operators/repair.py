@@ -226,7 +226,9 @@ class KIRIKO_OT_shade_smooth(RepairsMesh, bpy.types.Operator):
         _turn_out(mesh)
         mesh.shade_smooth()
         _mark_sharp(mesh)
-        return self.applied_to(thing)
+        return Message(
+            "'{name}': merged, normals recalculated, and shaded smooth.", name=thing.name
+        )
 
 
 class KIRIKO_OT_smooth_glass(RepairsMesh, bpy.types.Operator):
@@ -258,7 +260,7 @@ class KIRIKO_OT_smooth_glass(RepairsMesh, bpy.types.Operator):
 
 
 class KIRIKO_OT_rescale_scene(bpy.types.Operator):
-    """Change the scene's unit scale; nothing moves in the viewport"""
+    """Change the scene's unit scale; Kiriko's parts alone move, if the glass's new size needs it"""
 
     bl_idname = "kiriko.rescale_scene"
     bl_label = "Rescale Scene"

@@ -172,7 +172,7 @@ def test_a_downloaded_goblet_is_not_ready_before_it_is_merged_and_smooth(
     assert not [text for text in texts if text.startswith("Ready")]
 
     (button,) = entry.buttons
-    assert button.label == "Merge, Recalculate Normals and Shade Smooth"
+    assert button.label == "Merge and Shade Smooth"
     assert bpy.ops.kiriko.shade_smooth(**dict(button.properties)) == {"FINISHED"}
     assert not [one for one in look() if glass.name in one.text]
     assert len(glass.data.vertices) == COLUMNS * len(PROFILE) + 2

@@ -113,37 +113,40 @@ def test_glass_of_two_metres_is_twenty_millimetres(look: Callable[[], list]) -> 
     bpy.context.view_layer.update()
     before = glass.matrix_world.copy()
     entries = look()
-    assert "'Cube' is 2 m wide. Did you mean 2 mm or 20 mm?" in told(entries)
+    assert "'Cube' measures 2 m. Did you mean 20 mm or 200 mm?" in told(entries)
     (entry,) = (entry for entry in entries if "Did you mean" in entry.text)
-    assert [dict(button.properties)["factor"] for button in entry.buttons] == [0.001, 0.01]
+    assert [dict(button.properties)["factor"] for button in entry.buttons] == [0.01, 0.1]
     assert [str(button.label) for button in entry.buttons] == [
-        "Scale Scene to 1/1000",
         "Scale Scene to 1/100",
+        "Scale Scene to 1/10",
     ]
-    press(entries, "Did you mean", 1)
+    press(entries, "Did you mean")
     units = bpy.context.scene.unit_settings
     assert units.scale_length == pytest.approx(0.01)
     assert units.length_unit == "MILLIMETERS"
     assert (glass.matrix_world, tuple(glass.scale)) == (before, (1, 1, 1))
-    assert not [text for text in told(look()) if "wide" in text]
+    assert not [text for text in told(look()) if "Did you mean" in text]
 
 
 @pytest.mark.parametrize(
     ("width", "meant"),
     [
         (0.51, [0.051]),
-        (1, [0.1]),
+        (1, [0.01, 0.1]),
         (1.8, [0.018, 0.18]),
-        (2, [0.002, 0.02]),
-        (5, [0.005, 0.05]),
+        (2, [0.02, 0.2]),
+        (3, [0.03, 0.3]),
+        (5, [0.05]),
+        (30, [0.03, 0.3]),
         (99, [0.099]),
         (200, [0.2, 0.02]),
         (800, [0.08]),
+        (3000, [0.03, 0.3]),
     ],
 )
 def test_the_width_that_was_meant(core: ModuleType, width: float, meant: list[float]) -> None:
-    """Millimetres taken for metres come first if they give 2 to 500 mm; then the largest power of
-    ten that gives at most 100 mm. No proposal is over 500 mm, so that none asks again.
+    """Powers of ten that give 10 to 300 mm, the smallest first; millimetres taken for metres come
+    before it. No proposal is over 500 mm, so that none asks again.
     """
     checklist = importlib.import_module(f"{core.__name__}.blender.checks.checklist")
     factors = checklist.meant_factors(width)

@@ -18,7 +18,7 @@ from test_checklist import press
 
 N = 48  # columns
 FLIPPED = 0.06
-BUTTON = "Merge, Recalculate Normals and Shade Smooth"
+BUTTON = "Merge and Shade Smooth"
 # (radius, height), m
 GOBLET = [
     (0.0, 0.0), (0.02, 0.0), (0.034, 0.002), (0.030, 0.004), (0.008, 0.010), (0.004, 0.03),

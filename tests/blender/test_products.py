@@ -187,16 +187,15 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     assert chosen.glass_product(glass).name == "Acrylic"
 
 
-@pytest.mark.parametrize("way", ["opaque", "shared", "nodes", "override"])
+@pytest.mark.parametrize("way", ["shared", "nodes", "override"])
 def test_other_glass_gets_it_as_its_override(scene, read, capfd, way):
     """Materials that are not its own, or not plain, stay."""
     glass = activate(small_rig()["GLASS"])
     glass.kiriko.use_ior = False
-    if way != "opaque":
-        bpy.ops.kiriko.make_glass()
-        material = glass.material_slots[0].material
-        tree = material.node_tree
-        socket = next(n for n in tree.nodes if n.type == "BSDF_GLASS").inputs["IOR"]
+    bpy.ops.kiriko.make_glass()
+    material = glass.material_slots[0].material
+    tree = material.node_tree
+    socket = next(n for n in tree.nodes if n.type == "BSDF_GLASS").inputs["IOR"]
 
     if way == "shared":
         other = glass.copy()
@@ -211,8 +210,45 @@ def test_other_glass_gets_it_as_its_override(scene, read, capfd, way):
     assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.5846, abs=1e-6)
     assert glass.kiriko.use_ior
     assert "(IOR 1.5846)." in capfd.readouterr().out
-    if way != "opaque":
-        assert socket.default_value == pytest.approx(1.49)
+    assert socket.default_value == pytest.approx(1.49)
+
+
+def in_grey(thing: bpy.types.Object, grey: bpy.types.Material) -> bpy.types.Object:
+    """An object as glass with an opaque material."""
+    thing.kiriko.role, thing.kiriko.use_ior = "GLASS", False
+    thing.data.materials.append(grey)
+    return thing
+
+
+@pytest.mark.parametrize("is_shared", [True, False])
+def test_opaque_glass_gets_the_material_of_the_product(scene, read, look, drawn, capfd, is_shared):
+    """As Make It Glass does: before, the menu shows no product; Remove Rig restores the material.
+    Two objects get one material only if they had one.
+    """
+    first = small_rig()["GLASS"]
+    second = first.copy()
+    second.data = first.data.copy()
+    scene.collection.objects.link(second)
+    second.location.x = 0.2
+    greys = [bpy.data.materials.new("Grey") for _ in range(2)]
+    in_grey(first, greys[0])
+    in_grey(second, greys[0 if is_shared else 1])
+    second.select_set(True)
+    activate(first).select_set(True)
+    assert "Custom" in drawn("object", "OBJECT_PT_kiriko", first).labels
+    assert "The material of" in " ".join(entry.text for entry in look())
+
+    assert bpy.ops.kiriko.glass_preset(preset="Polycarbonate") == {"FINISHED"}
+    assert "material 'Kiriko Glass'" in capfd.readouterr().out
+    assert "The material of" not in " ".join(entry.text for entry in look())
+    assert [one.ior(589e-9) for one in read().rig.glasses] == pytest.approx([1.5846] * 2, abs=1e-6)
+    assert not (first.kiriko.use_ior or second.kiriko.use_ior)
+    assert "Polycarbonate" in drawn("object", "OBJECT_PT_kiriko", first).labels
+    made = [thing.material_slots[0].material for thing in (first, second)]
+    assert (made[0] == made[1]) is is_shared
+
+    bpy.ops.kiriko.remove_rig()
+    assert first.material_slots[0].material == greys[0]
 
 
 def test_a_display_that_is_held_keeps_its_size(scene, capfd):

@@ -6,7 +6,7 @@ scene nor draws. An entry is a record, so any operator can be a remedy.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from math import floor, log10
+from math import ceil, log10
 
 from ...base.messages import Message, as_message, as_sentence, joined
 from ...base.numbers import millimetres
@@ -26,9 +26,8 @@ MADE = {
     if role.name in {"DISPLAY", "PICTURE", "VIEWER", "PLATE"}
 }
 MOST_OFFERED = 2  # possible glass objects
-LARGEST = 0.5  # m: wider glass was probably drawn without a size in mind
-SMALLEST = 0.002  # m
-IN_HAND = 0.1  # m: largest width of handheld glass
+LARGEST = 0.5  # m: larger glass was probably drawn without a size in mind
+IN_HAND = 0.01, 0.3  # m: sizes of handheld glass
 MILLIMETRES = 1e-3  # the factor for millimetres drawn as metres
 WORTH = 0.005  # share of the picture: a smaller loss needs no action
 
@@ -339,14 +338,15 @@ def _remedy(
 
 
 def meant_factors(width: float) -> list[float]:
-    """Candidate factors from a width, m, to the intended size: MILLIMETRES first if the result is
-    plausible, then the largest power of ten that fits IN_HAND.
+    """Candidate factors from a width, m, to the intended size: powers of ten that fit IN_HAND, at
+    most two; MILLIMETRES first, else the smallest.
     """
-    in_hand = 10.0 ** -(floor(log10(width / IN_HAND) - 1e-9) + 1)
-    if SMALLEST <= MILLIMETRES * width <= LARGEST:
-        return list(dict.fromkeys([MILLIMETRES, in_hand]))
-    larger = 10 * in_hand
-    return [in_hand, larger] if in_hand < 0.05 and larger * width <= LARGEST else [in_hand]
+    least, most = IN_HAND
+    n = ceil(log10(width / most) - 1e-9)
+    fitting = [10.0**-n]
+    if width * 10.0 ** -(n + 1) >= least * (1 - 1e-9):
+        fitting.append(10.0 ** -(n + 1))
+    return sorted(fitting, key=lambda factor: (factor != MILLIMETRES, factor))
 
 
 def _on_size(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
@@ -358,7 +358,7 @@ def _on_size(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[
 
     factors = meant_factors(widest.width)
     text = Message(
-        "'{name}' is {length} wide. Did you mean {meant}?",
+        "'{name}' measures {length}. Did you mean {meant}?",
         name=widest.named.name,
         length=length_text(widest.width),
         meant=joined([millimetres(factor * widest.width) for factor in factors], " or "),

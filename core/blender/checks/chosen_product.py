@@ -193,9 +193,13 @@ def index_in_use(glass: bpy.types.Object) -> tuple[float, str] | None:
 
 
 def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
-    """The product with a glass's index; None if there is none."""
+    """The product with a glass's index; None if there is none, or if no material refracts and no
+    index is set.
+    """
     found = index_in_use(glass)
-    near = (p for p in GLASSES.values() if found and abs(p.ior - found[0]) < SAME_INDEX)
+    if found is None or not (found[1] or glass.kiriko.use_ior):
+        return None
+    near = (p for p in GLASSES.values() if abs(p.ior - found[0]) < SAME_INDEX)
     return next(near, None)
 
 

@@ -59,7 +59,7 @@ def shade_smooth(thing: Thing) -> Button:
         return select_part(thing)
     label = Message("Shade Smooth")
     if is_brought(thing):
-        label = Message("Merge, Recalculate Normals and Shade Smooth")
+        label = Message("Merge and Shade Smooth")
     return Button("kiriko.shade_smooth", label, naming(thing.named), "SPHERECURVE")
 
 
