@@ -1,7 +1,7 @@
 import importlib
 import re
 from collections.abc import Callable
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import bmesh
 import bpy
@@ -769,3 +769,14 @@ def test_a_viewer_that_would_be_inside_the_glass_is_told_by_its_distance(
         "Error: At a Viewer Distance of 1 cm the viewer is inside the glass. Increase it."
     )
     assert inventory() == before
+
+
+def test_each_button_says_which_rig_it_makes(kiriko: ModuleType) -> None:
+    """Two buttons of one operator have two tooltips."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.add_rig")
+    with_plate, without = (
+        module.KIRIKO_OT_add_rig.description(bpy.context, SimpleNamespace(kind=kind))
+        for kind, *_ in module.KINDS
+    )
+    assert "with a mirror plate" in with_plate
+    assert "without a plate" in without

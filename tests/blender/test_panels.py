@@ -400,7 +400,7 @@ def test_each_verb_is_in_a_menu(drawn, kiriko, version):
     "text",
     [
         "The display shows 65 % of the picture; 1 % missed the plate, under 0.01 % missed it.",
-        "'Cube' measures 2 m. Did you mean 20 mm or 200 mm? It has 42 sides, 0.5 px off after 3.1 s.",
+        "'Cube' measures 2 m. Did you mean 20 mm or 200 mm? It has 42 sides, 0.5 px off.",
         "WWWWWWWW MMMMMMMMM WWWWWWWW and iiiiiiiiiiii llllllllllllll iiiiiiiiiii",
         "/a/very/long/path/without/any/space/in/it/that/goes/on/and/on/and/on/source.png",
         "ガラスの中の像は、「光線」が届かない所では失われます。『メッシュ』に穴があります。",

@@ -242,7 +242,7 @@ def test_opaque_glass_gets_the_material_of_the_product(scene, read, look, drawn,
     assert "material 'Kiriko Glass'" in capfd.readouterr().out
     assert "The material of" not in " ".join(entry.text for entry in look())
     assert [one.ior(589e-9) for one in read().rig.glasses] == pytest.approx([1.5846] * 2, abs=1e-6)
-    assert not (first.kiriko.use_ior or second.kiriko.use_ior)
+    assert not any(thing.kiriko.use_ior for thing in (first, second))
     assert "Polycarbonate" in drawn("object", "OBJECT_PT_kiriko", first).labels
     made = [thing.material_slots[0].material for thing in (first, second)]
     assert (made[0] == made[1]) is is_shared
