@@ -1,9 +1,9 @@
 """Languages of the interface: one file each, `<locale>.po`, which any editor of translations opens.
 
 An entry is the English text, as it stands in the code, and the text for people who read it. Blender
-asks for labels and tooltips by itself, `operators/reporting.py` for sentences. Entries count in three
-contexts: Blender's own two, of labels and of operators' names, and Kiriko's, in which a word has
-the meaning that it has here. Blender's own translations come before those of add-ons, so a word
+asks for labels and tooltips by itself, `operators/reporting.py` for sentences. Entries count in
+three contexts: Blender's own two, of labels and of operators' names, and Kiriko's, in which a word
+has the meaning that it has here. Blender's own translations come before those of add-ons, so a word
 that it has with another meaning ("Display", the verb) needs that context where it is shown.
 """
 
