@@ -28,7 +28,12 @@ def locales() -> list[str]:
 
 
 def texts_of(locale: str) -> Texts:
-    """All texts in a language, without those that are still to be translated.
+    """All texts in a language, without those that are still to be translated."""
+    return {english: text for english, text in all_of(locale).items() if text}
+
+
+def all_of(locale: str) -> Texts:
+    """All texts in a language's file; '' for those that are still to be translated.
 
     A line is `msgid "..."`, `msgstr "..."`, a further part of either, or begins with #.
     """
@@ -47,7 +52,7 @@ def texts_of(locale: str) -> Texts:
         if field == "msgstr" and entry["msgid"]:  # an empty one is the header's
             texts[entry["msgid"]] = entry["msgstr"]
 
-    return {english: text for english, text in texts.items() if text}
+    return texts
 
 
 @cache

@@ -209,5 +209,9 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
             reporting.report(
                 self,
                 "INFO",
-                Message("The image '{image}' shows what the viewer sees.", image=image.name),
+                Message(
+                    "The image '{image}' shows what the viewer sees{more}.",
+                    image=image.name,
+                    more="",
+                ),
             )

@@ -143,6 +143,11 @@ def entry(text: str, place: str) -> str:
     return f'#: {place}\nmsgid "{quoted}"\nmsgstr ""\n'
 
 
+def missing_in(texts: dict[str, str], wanted: dict[str, str]) -> list[str]:
+    """Entries for the wanted texts that a language's texts are missing, or have empty."""
+    return [entry(text, place) for text, place in wanted.items() if not texts.get(text)]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", metavar="LOCALE", help="this language alone")
@@ -153,8 +158,8 @@ def main() -> None:
     kiriko = registered()
     wanted, frames = needed(kiriko, "kiriko"), sentences(with_frames=True)
     for locale in [only] if only else languages.locales():
-        texts = languages.texts_of(locale)
-        missing = [entry(text, place) for text, place in wanted.items() if text not in texts]
+        texts = languages.all_of(locale)
+        missing = missing_in(texts, wanted)
         stale = [text for text in texts if text not in wanted and text not in frames]
         print(f"# {locale}: {len(texts)} texts, {len(missing)} missing, {len(stale)} not used\n")
         print(*missing, sep="\n")

@@ -209,7 +209,7 @@ def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
     is_written = out is not None and out.open(str(path), spec)
     is_written = is_written and out.write_image(pixels) and out.close()
     if not is_written:
-        why = (oiio if out is None else out).geterror().strip() or "OpenImageIO"
+        why = (oiio if out is None else out).geterror().strip() or Message("no reason given")
         out = None  # closes it: some systems cannot remove an open file
         raise ImageError(
             "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why

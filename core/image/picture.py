@@ -30,7 +30,8 @@ class PicturePoints:
     xy : (n, 2) picture pixels, x right and y down from the top left corner: the centre of the
         footprint's part on the picture
     cover : (n,) 0..1, fraction of the footprint on the picture
-    axes : (4, n) picture px, x and y of the footprint's two sides, scaled to standard deviations
+    axes : (4, n) picture px, x and y of two sides of the footprint, each the standard deviation
+        along it; a parallelogram with these sides has the footprint's covariance
     """
 
     xy: Floats
@@ -130,12 +131,12 @@ def _cover_of_blocks(lines: Floats, width: int, height: int) -> Floats:
 def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
     """Why an unobstructed picture on a plane is not seen, and the remedy: two clauses."""
     corners = place.mesh.corners.reshape(-1, 3)
+    if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
+        return Message("which is behind the viewer: turn the viewer to it{hint}", hint=BY_MIRROR)
+
     outside = Message(
         "which is outside its view: move it into the camera's frame{hint}", hint=BY_MIRROR
     )
-    if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
-        return outside
-
     seen = viewer.project(corners)
     seen = seen[np.isfinite(seen).all(axis=1)]
     low = seen.min(axis=0)

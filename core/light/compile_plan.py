@@ -125,7 +125,7 @@ def compile_plan_steps(
 
     Parameters
     ----------
-    cache : solids and layers of an earlier plan, reused if unchanged
+    mesh_cache : solids and layers of an earlier plan, reused if unchanged
     deferred : numbers of glasses to leave out until a ray comes near; tracing such a ray raises
         rays.DeferredObjectError
 
@@ -260,6 +260,9 @@ def _features(
     settings: Settings,
 ) -> dict[str, bool]:
     """Features a plan may use, by name, and whether this one does.
+
+    The compiled kernel's name includes the reason if it is not used, the ray engine's its kind if
+    it is.
 
     is_clear : (p, 2) light beyond a plate can only meet the display
     """

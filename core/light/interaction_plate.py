@@ -41,9 +41,11 @@ def _plane(plate: Plate) -> Surface:
     normal = (areas * np.sign(areas @ largest)[:, None]).sum(axis=0)  # for any winding
 
     length = np.linalg.norm(normal)
-    normal /= length or 1.0
-    thickness = np.abs((corners - centre) @ normal).max()
-    if length == 0 or thickness > PLATE_FLATNESS * np.ptp(corners, axis=0).max():
+    if length == 0:
+        raise RigError("The plate '{plate}' has no area: scale it up.", plate=plate.name)
+
+    normal /= length
+    if np.abs((corners - centre) @ normal).max() > PLATE_FLATNESS * np.ptp(corners, axis=0).max():
         raise RigError("The plate '{plate}' is not a flat plane: replace it.", plate=plate.name)
 
     n = len(facets.corners)

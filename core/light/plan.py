@@ -208,7 +208,8 @@ class Plan:
     viewer : the current viewer; the rig's first unless changed by `seen_by`
     thin_parts : returns all triangles for near-miss tests; made on first use
     merge_distance : m, closer faces are coincident
-    used, left_out : features the rig uses, or does not use, with the reason
+    used, left_out : names of the features the rig uses, and does not use; a left out kernel and
+        deferred glass include the reason
     tracers : fastest first
     n_copies : largest number of copies of a ray; 0 if no part splits rays
     """

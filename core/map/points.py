@@ -65,8 +65,8 @@ class Points:
 class Paths:
     """Paths of traced rays, up to the twelfth event, in the order of the points.
 
-    places : (n, m + 1, 3) m, the viewer first, NaN after the last; m as the longest path needs
-    hits : (n, m) patches, -1 after the last
+    places : (n, k + 1, 3) m, the viewer first, NaN after the last; k events in the longest path
+    hits : (n, k) patches, -1 after the last
     reach : m, length of a path's last part if the ray leaves the rig
     """
 

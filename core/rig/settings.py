@@ -89,7 +89,11 @@ class Settings:
             raise out_of_range(OWNER, "Max Events", self.max_events, 0)
 
         if not 1 <= self.effort <= MOST_EFFORT or self.effort != int(self.effort):
-            raise out_of_range(OWNER, "Effort", self.effort, 1, MOST_EFFORT)
+            raise RigError(
+                "Effort is {value}: set a whole number from 1 to {most}.",
+                value=f"{self.effort:g}",
+                most=MOST_EFFORT,
+            )
 
         if not 0 <= self.suppress_glare <= 1:
             raise out_of_range(OWNER, "Suppress Glare", self.suppress_glare, 0, 1)

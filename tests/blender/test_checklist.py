@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from panel_layout import Layout, told
 from small_rigs import SIDE, cube, new_object, pixels, primitive, small_rig
 
@@ -162,8 +163,9 @@ def test_a_hidden_part_is_shown(look: Callable[[], list]) -> None:
     entries = look()
     icons = {entry.text: entry.icon for entry in entries}
     assert icons == {
-        "The display 'Kiriko Display' is hidden in the viewport: show it.": "ERROR",
-        "'thing' is hidden in renders and ignored.": "INFO",
+        "The display 'Kiriko Display' is hidden in the viewport by its monitor icon: show"
+        " it.": "ERROR",
+        "'thing' is hidden in renders by its camera icon and ignored.": "INFO",
     }
     press(entries, "The display")
     press(entries, "'thing'")
@@ -909,3 +911,34 @@ def test_a_button_that_mends_two_losses_stands_once(kiriko: ModuleType) -> None:
         assert len(found) == 2
         assert len(set(buttons)) == len(buttons)
         assert {"kiriko.fit_plate", "kiriko.fit_display"} <= set(buttons) or helps is not None
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e3])
+@pytest.mark.parametrize("kind", ["cube", "sphere", "torus"])
+def test_a_viewer_is_in_glass_at_any_scale(scale: float, kind: str) -> None:
+    """Its mesh is in mm if the object's scale is 0.001. The hole of a torus is outside."""
+    inspect_scene = loaded("core.blender.checks.inspect_scene")
+    bpy.ops.object.select_all(action="DESELECT")
+    if kind == "torus":
+        bpy.ops.mesh.primitive_torus_add(major_radius=0.05 / scale, minor_radius=0.02 / scale)
+    elif kind == "sphere":
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.05 / scale)
+    else:
+        bpy.ops.mesh.primitive_cube_add(size=0.1 / scale)
+    glass = bpy.context.object
+    glass.scale = (scale, scale, scale)
+    glass.location = (0.3, -0.2, 0.1)
+    glass.rotation_euler = (0.3, 0.2, 0.1)
+    bpy.context.view_layer.update()
+    shown = inspect_scene.evaluated(bpy.context.scene, glass)
+    to_own = np.array(glass.matrix_world.inverted())
+
+    for place in np.random.default_rng(0).uniform(-0.08, 0.08, (300, 3)) + glass.location:
+        x, y, z = np.abs(to_own[:3, :3] @ place + to_own[:3, 3]) * scale
+        depth = {
+            "cube": 0.05 - max(x, y, z),
+            "sphere": 0.05 - np.hypot(np.hypot(x, y), z),
+            "torus": 0.02 - np.hypot(np.hypot(x, y) - 0.05, z),
+        }[kind]
+        if abs(depth) > 1e-3:  # the mesh has facets
+            assert inspect_scene._contains(shown, place) == (depth > 0)

@@ -66,9 +66,9 @@ def by_collection_around(thing: bpy.types.Object) -> None:
 
 
 WAYS = {
-    by_eye: " in the viewport",
-    by_monitor: " in the viewport",
-    by_camera: " in renders",
+    by_eye: " in the viewport by its eye icon (H)",
+    by_monitor: " in the viewport by its monitor icon",
+    by_camera: " in renders by its camera icon",
     by_eye_of_collection: " with its collection 'drawer' in the viewport",
     by_monitor_of_collection: " with its collection 'drawer' in the viewport",
     by_camera_of_collection: " with its collection 'drawer' in renders",

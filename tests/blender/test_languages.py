@@ -31,8 +31,7 @@ def wanted(kiriko) -> dict[str, str]:
 @pytest.mark.parametrize("locale", LOCALES)
 def test_nothing_is_untranslated(kiriko, wanted, locale):
     """Each label, tooltip and sentence has its text in every language."""
-    texts = kiriko.languages.texts_of(locale)
-    missing = [tool.entry(text, place) for text, place in wanted.items() if text not in texts]
+    missing = tool.missing_in(kiriko.languages.all_of(locale), wanted)
     assert not missing, (
         f"Add these entries to languages/{locale}.po, each with its text behind msgstr (its first"
         " lines have the words to be used):\n\n" + "\n".join(missing)
@@ -43,8 +42,15 @@ def test_nothing_is_untranslated(kiriko, wanted, locale):
 def test_nothing_is_stale(kiriko, wanted, locale):
     """No language has a text that nobody shows any more."""
     known = {*wanted, *tool.sentences(with_frames=True)}
-    stale = [text for text in kiriko.languages.texts_of(locale) if text not in known]
+    stale = [text for text in kiriko.languages.all_of(locale) if text not in known]
     assert not stale, f"Remove these entries from languages/{locale}.po: {stale}"
+
+
+def test_an_empty_text_is_missing():
+    """An entry without its text does not count as translated."""
+    wanted = {"Solve": "a", "Live": "b", "Plate": "c"}
+    missing = tool.missing_in({"Solve": "計算", "Live": ""}, wanted)
+    assert missing == [tool.entry("Live", "b"), tool.entry("Plate", "c")]
 
 
 def places(template: str) -> set[tuple[str, str]]:
@@ -187,7 +193,9 @@ def test_before_and_right_after_add_rig(drawn, scene, in_japanese):
 def test_errors_come_in_the_language_of_reports(scene, in_japanese):
     """An operator that fails says so in Japanese, to an artist and to a script."""
     small_rig()["GLASS"].hide_viewport = True
-    with pytest.raises(RuntimeError, match="ガラス「Cube」がビューポートで非表示です"):
+    with pytest.raises(
+        RuntimeError, match="ガラス「Cube」がモニターのアイコンによりビューポートで非表示です"
+    ):
         bpy.ops.kiriko.solve()
 
 

@@ -409,7 +409,7 @@ def test_hidden_glass_is_refused(scene: bpy.types.Scene) -> None:
     before = inventory()
     with pytest.raises(
         RuntimeError,
-        match="'Cube' is hidden in renders",
+        match="'Cube' is hidden in renders by its camera icon",
     ):
         bpy.ops.kiriko.add_rig(viewer_resolution=64)
     assert inventory() == before

@@ -1,5 +1,7 @@
 """Products of the catalogue on objects: given by operators, told by values."""
 
+import re
+
 import bpy
 import numpy as np
 import pytest
@@ -41,13 +43,14 @@ def test_a_display_becomes_a_phone_in_its_place(scene, read, unit, is_upright):
     assert corners(display).mean(axis=0) == pytest.approx(middle, abs=SINGLE / unit)
 
 
-def test_what_add_rig_told_of_another_display_is_told_no_more(scene):
+def test_what_add_rig_told_of_another_display_is_told_no_more(scene, capfd):
     """A result that was solved is told to be old instead, and stays."""
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
     display = next(thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
     activate(display)
     assert "whole picture fits" in scene.kiriko.result.summary
     assert bpy.ops.kiriko.display_preset(preset="iPhone 15") == {"FINISHED"}
+    assert re.search(r"is now iPhone 15 \([^)]*, 2556 x 1179 px\)\.", capfd.readouterr().out)
     assert scene.kiriko.result.summary == ""
 
     display.kiriko.resolution = (64, 64)
@@ -183,13 +186,20 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.3333, abs=1e-6)
 
     bpy.ops.kiriko.glass_preset(preset="Acrylic")
-    assert "(IOR 1.49)." in capfd.readouterr().out
+    assert "(Override IOR 1.49: " in capfd.readouterr().out
     assert chosen.glass_product(glass).name == "Acrylic"
 
 
-@pytest.mark.parametrize("way", ["shared", "nodes", "override"])
-def test_other_glass_gets_it_as_its_override(scene, read, capfd, way):
-    """Materials that are not its own, or not plain, stay."""
+@pytest.mark.parametrize(
+    ("way", "why"),
+    [
+        ("shared", "'Kiriko Glass' is shared, linked or driven by nodes"),
+        ("nodes", "'Kiriko Glass' is shared, linked or driven by nodes"),
+        ("override", ""),
+    ],
+)
+def test_other_glass_gets_it_as_its_override(scene, read, capfd, way, why):
+    """Materials that are not its own, or not plain, stay; the report says why."""
     glass = activate(small_rig()["GLASS"])
     glass.kiriko.use_ior = False
     bpy.ops.kiriko.make_glass()
@@ -209,7 +219,8 @@ def test_other_glass_gets_it_as_its_override(scene, read, capfd, way):
     bpy.ops.kiriko.glass_preset(preset="Polycarbonate")
     assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.5846, abs=1e-6)
     assert glass.kiriko.use_ior
-    assert "(IOR 1.5846)." in capfd.readouterr().out
+    reason = f": {why}" if why else ""
+    assert f"(Override IOR 1.5846{reason})." in capfd.readouterr().out
     assert socket.default_value == pytest.approx(1.49)
 
 
@@ -259,4 +270,5 @@ def test_a_display_that_is_held_keeps_its_size(scene, capfd):
     bpy.ops.kiriko.display_preset(preset="Dell P2422H")
     assert np.array_equal(corners(display), before)
     assert tuple(display.kiriko.resolution) == (1920, 1080)
-    assert "but could not be resized to" in capfd.readouterr().out
+    said = "is now Dell P2422H (1920 x 1080 px), but could not be resized to 0.527 m x 0.296 m: "
+    assert said in capfd.readouterr().out

@@ -583,6 +583,6 @@ def test_a_ball_in_place_of_hidden_glass_is_told(
     glass.hide_set(is_hidden)
     small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
     assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
-    said = "'Block' is hidden in the viewport, so the rig is built around a"
+    said = "'Block' is hidden in the viewport by its eye icon (H), so the rig is built around a"
     assert (said in capfd.readouterr().out) == is_hidden
     assert (said in scene.kiriko.result.summary) == is_hidden

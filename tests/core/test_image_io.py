@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -209,6 +210,18 @@ REC709 = (
     0.3127,
     0.3290,
 )  # ITU-R BT.709, items 1.3 and 1.4: red, green, blue, D65
+
+
+def test_a_file_that_is_not_written_without_a_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """OpenImageIO may give no reason; the sentence says so."""
+    oiio = pytest.importorskip("OpenImageIO")
+    silent = SimpleNamespace(open=lambda *_: False, geterror=str)
+    with monkeypatch.context() as broken:
+        broken.setattr(oiio, "ImageOutput", SimpleNamespace(create=lambda _: silent))
+        with pytest.raises(ImageError, match=r"cannot be written \(no reason given\)"):
+            image_io.write(tmp_path / "a", np.zeros((2, 2, 3)), "TIFF16")
 
 
 @pytest.mark.parametrize("form", image_io.FORMATS)

@@ -339,6 +339,13 @@ def bent_plate():
     )
 
 
+def flattened_plate():
+    a_rig = small()
+    mesh = a_rig.plates[0].mesh
+    points = np.broadcast_to(mesh.vertices[:1], mesh.vertices.shape)
+    return replace(a_rig, plates=(replace(a_rig.plates[0], mesh=replace(mesh, vertices=points)),))
+
+
 def picture_behind():
     a_rig = small()
     away = rectangle([0, -5, 0], [1, 0, 0], [0, 0, 1], 0.1, 0.1)
@@ -416,7 +423,8 @@ BAD = {
     "plate not reached": (lambda: moved_away("plates"), RigError, "no ray reaches the plate"),
     "display not reached": (lambda: moved_away("displays"), RigError, "no ray reaches the display"),
     "display turned": (turned_display, RigError, "display's front"),
-    "plate bent": (bent_plate, RigError, "not a flat plane"),
+    "plate bent": (bent_plate, RigError, "not a flat plane: replace it"),
+    "plate without area": (flattened_plate, RigError, "has no area: scale it up"),
     "picture out of view": (picture_behind, RigError, "does not see the picture"),
     "picture out of view, and no light arrives": (
         lambda: replace(
@@ -664,6 +672,13 @@ def test_a_plate_behind_another_turns_the_light_back_again():
 
 def landings_of(a_rig):
     return trace_all(compile_plan(a_rig, Settings()), *rays_of(a_rig))
+
+
+@pytest.mark.parametrize("effort", [2.5, 0, 4097, float("nan")])
+def test_an_effort_that_is_no_whole_number_of_rays_is_refused(effort):
+    said = rf"^Effort is {effort:g}: set a whole number from 1 to 4096\.$"
+    with pytest.raises(RigError, match=said):
+        Settings(effort=effort).check()
 
 
 def test_a_tolerance_as_blender_keeps_it_is_the_one_that_was_set():

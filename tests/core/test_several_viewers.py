@@ -266,8 +266,8 @@ def test_a_picture_that_is_no_flat_rectangle_is_blended():
     sharp, blended = (solve(a_rig, disagreement=way) for way in ("sharp", "blended"))
     assert sharp.settled is None
     assert np.array_equal(sharp.source, blended.source)
-    assert [note for note in sharp.notes if "a flat rectangle" in note]
-    assert not [note for note in blended.notes if "a flat rectangle" in note]
+    assert [note for note in sharp.notes if "isn't a flat rectangle" in note]
+    assert not [note for note in blended.notes if "isn't a flat rectangle" in note]
 
 
 def test_the_worst_viewer_is_told_first():

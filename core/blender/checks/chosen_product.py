@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...base.errors import RigError
-from ...base.messages import Message, as_message
+from ...base.messages import Message, as_message, joined
 from ...rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassProduct, PlateProduct
 from ..data.bodies import shows_instances_alone
 from ..data.units import length_of_unit, length_text
@@ -40,12 +40,13 @@ class Given:
 def give_plate(context: bpy.types.Context, plate: bpy.types.Object, product: PlateProduct) -> Given:
     """Give a plate the mirrors of a product and, about its centre, the size."""
     side = length_text(context.scene, product.side)
+    size = Message("{width} x {height}", width=side, height=side)
     try:
         give_side(context, plate, product.side / length_of_unit(context.scene))
     except RigError as error:
-        given = _given(plate, product.name, (side, side), error)
+        given = _given(plate, product.name, size, error)
     else:
-        given = _given(plate, product.name, (side, side))
+        given = _given(plate, product.name, size)
 
     array = product.array
     ours = plate.kiriko.plate
@@ -62,18 +63,26 @@ def give_plate(context: bpy.types.Context, plate: bpy.types.Object, product: Pla
 
 
 def _given(
-    thing: bpy.types.Object, preset: str, size: tuple[str, str], error: RigError | None = None
+    thing: bpy.types.Object,
+    preset: str,
+    size: Message,
+    error: RigError | None = None,
+    pixels: Message | None = None,
 ) -> Given:
     """The sentence on an object with a new product; `error` if it could not be resized."""
-    names = {
-        "name": thing.name,
-        "preset": preset,
-        "size": Message("{width} x {height}", width=size[0], height=size[1]),
-    }
     if error is None:
-        return Given(Message("'{name}' is now {preset} ({size}).", **names))
+        size = size if pixels is None else joined([size, pixels], ", ")
+        return Given(
+            Message("'{name}' is now {preset} ({size}).", name=thing.name, preset=preset, size=size)
+        )
+    if pixels is not None:
+        preset = Message("{name} ({reason})", name=preset, reason=pixels)
     text = Message(
-        "'{name}' is now {preset}, but could not be resized to {size}: {why}.", **names, why=error
+        "'{name}' is now {preset}, but could not be resized to {size}: {why}.",
+        name=thing.name,
+        preset=preset,
+        size=size,
+        why=error,
     )
     return Given(text, is_whole=False)
 
@@ -113,14 +122,19 @@ def give_display(
     turn = -1 if is_upright else 1
     size, pixels = product.size[::turn], product.pixels[::turn]
     metres = length_of_unit(context.scene)
-    size_text = length_text(context.scene, size[0]), length_text(context.scene, size[1])
+    size_text = Message(
+        "{width} x {height}",
+        width=length_text(context.scene, size[0]),
+        height=length_text(context.scene, size[1]),
+    )
+    pixels_text = Message("{width} x {height} px", width=pixels[0], height=pixels[1])
 
     try:
         give_size(context, display, (size[0] / metres, size[1] / metres))
     except RigError as error:
-        given = _given(display, product.name, size_text, error)
+        given = _given(display, product.name, size_text, error, pixels_text)
     else:
-        given = _given(display, product.name, size_text)
+        given = _given(display, product.name, size_text, pixels=pixels_text)
 
     display.kiriko.resolution = pixels
     if product.luminance is not None:
@@ -151,10 +165,13 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
     """Give glasses the index of a product: in their materials if no other object uses them and
     their index is a plain number, else as an override.
     """
-    by_override = {thing: _needs_override(thing, glasses) for thing in glasses}
+    reasons = {thing: _why_override(thing, glasses) for thing in glasses}
     given = []
 
-    for thing, is_override in by_override.items():
+    for thing, why in reasons.items():
+        is_override = bool(why) or thing.kiriko.use_ior
+        setting = Message("Override IOR") if is_override else Message("IOR")
+        index = Message("{setting} {value}", setting=setting, value=f"{product.ior:g}")
         if is_override:
             thing.kiriko.use_ior, thing.kiriko.ior = True, product.ior
         else:
@@ -167,7 +184,7 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
             "'{name}' is now {preset} ({size}).",
             name=thing.name,
             preset=as_message(product.name),
-            size=Message("{setting} {value}", setting=Message("IOR"), value=f"{product.ior:g}"),
+            size=joined([index, why], ": ") if why else index,
         )
         given.append(Given(text))
 
@@ -203,27 +220,31 @@ def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
     return next(near, None)
 
 
-def _needs_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -> bool:
-    """Whether materials cannot give a glass its index: the override is on already, none refracts,
-    or one is linked, has other users or an index set by nodes.
+def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -> str:
+    """Why materials cannot give a glass its index, a clause; '' if they can, or if the override
+    is on.
     """
     if glass.kiriko.use_ior:
-        return True
+        return ""
 
     shown = materials_as_shown(bpy.context.scene, glass)
     materials = [m for m in shown if read_refraction(m) is not None]
     if not materials:
-        return True
+        return Message("no material of its own refracts")
 
     parts = [part for thing in chosen for part in (thing.data, *_nodes_of(thing)) if part]
     own = {*chosen, *(part for part in parts if part.users == 1)}
-    return any(
-        _index_of(material) is None
-        or material.node_tree.animation_data is not None
-        or not material.is_editable
-        or bool(bpy.data.user_map(subset=[material])[material] - own)
-        for material in materials
-    )
+    for material in materials:
+        if (
+            _index_of(material) is None
+            or material.node_tree.animation_data is not None
+            or not material.is_editable
+            or bpy.data.user_map(subset=[material])[material] - own
+        ):
+            return Message(
+                "'{material}' is shared, linked or driven by nodes", material=material.name
+            )
+    return ""
 
 
 def _nodes_of(thing: bpy.types.Object) -> list[bpy.types.NodeTree | None]:

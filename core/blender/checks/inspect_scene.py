@@ -44,8 +44,9 @@ from .faults import counts_of
 from .to_do import FaultCounts, Inspection, Named, Thing
 
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's bounding box is not that of their surface
-PROBE = Vector((0.36, 0.48, 0.8))  # along no usual edge
-ENCLOSED_STEP = 1e-6  # of the glass's size, from a hit on
+# directions along no usual edge; one may graze an edge, and its count is then wrong
+PROBES = Vector((0.36, 0.48, 0.8)), Vector((-0.64, 0.6, -0.48))
+ENCLOSED_STEP = 1e-5  # from a hit on, relative to the glass's largest own coordinate
 MOST_HITS = 1000
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh light meets
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
@@ -238,20 +239,25 @@ def _enclosed_viewers(
 
 
 def _contains(glass: bpy.types.Object, place: Floats) -> bool:
-    """Whether a ray from a place (3,) in the world crosses an evaluated mesh an odd number of
-    times.
+    """Whether rays from a place (3,) in the world cross an evaluated mesh an odd number of times.
+
+    They are cast in the object's own space, so its scale does not matter.
     """
     if glass.type != "MESH":
         return False
     start = glass.matrix_world.inverted_safe() @ Vector(place)
-    step = ENCLOSED_STEP * max(glass.dimensions) * PROBE
-    n_hits = 0
-    while n_hits < MOST_HITS:
-        is_hit, hit, _, _ = glass.ray_cast(start, PROBE)
+    step = ENCLOSED_STEP * float(np.abs(glass.bound_box).max())
+    return all(_n_crossings(glass, start, probe, step) % 2 == 1 for probe in PROBES)
+
+
+def _n_crossings(glass: bpy.types.Object, start: Vector, probe: Vector, step: float) -> int:
+    """Number of crossings of a ray with an evaluated mesh, in the object's own space."""
+    for n_hits in range(MOST_HITS):
+        is_hit, hit, _, _ = glass.ray_cast(start, probe)
         if not is_hit:
-            break
-        start, n_hits = hit + step, n_hits + 1
-    return n_hits % 2 == 1
+            return n_hits
+        start = hit + step * probe
+    return MOST_HITS
 
 
 def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:

@@ -16,6 +16,9 @@ from ...base.messages import Message
 Switch = tuple[bpy.types.bpy_struct, str]  # owner, name
 HIDES = "hide_viewport", "hide_render"  # switches of objects and collections
 IN_VIEWPORT, IN_RENDERS = Message(" in the viewport"), Message(" in renders")
+BY_EYE = Message(" in the viewport by its eye icon (H)")
+BY_MONITOR = Message(" in the viewport by its monitor icon")
+BY_CAMERA = Message(" in renders by its camera icon")
 
 
 class VisibleObjects:
@@ -35,9 +38,9 @@ class VisibleObjects:
             if thing not in self._in_scene:
                 return instance_hidden_by(thing)
             if thing.hide_viewport:
-                return IN_VIEWPORT
+                return BY_MONITOR
             if thing in self._in_layer and thing.hide_get(view_layer=self._layer):
-                return IN_VIEWPORT
+                return BY_EYE
             return self._by_collection(thing, ("exclude", "hide_viewport"), IN_VIEWPORT)
 
         by = instance_hidden_by(thing)
@@ -115,7 +118,7 @@ def instance_hidden_by(thing: bpy.types.Object) -> str:
     """Words for the setting that hides instances of an object, which is itself hidden or in no
     scene.
     """
-    return IN_RENDERS if thing.hide_render else ""
+    return BY_CAMERA if thing.hide_render else ""
 
 
 def is_source_hidden(instance: bpy.types.DepsgraphObjectInstance) -> bool:

@@ -22,8 +22,8 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
     """Raise ImageError if an image has no pixels to read. Loads the file if need be."""
     if image.type in UNREADABLE:
         raise ImageError(
-            "'{image}' exists only in the Image Editor. Save it there (Image > Save As) and"
-            " choose the file.",
+            "The image '{image}' of {owner} exists only in the Image Editor. Save it there (Image >"
+            " Save As) and choose the file.",
             image=image.name,
             owner=owner,
         )

@@ -20,8 +20,8 @@ SCREEN = (0.02, 0.02, 0.03, 1.0)
 def see_through(thing: bpy.types.Object, glasses: tuple[bpy.types.Object, ...]) -> None:
     """Make a glass see-through in Solid mode, and store the change.
 
-    An object is drawn as wireframe instead if it has no material, or a material is linked or has
-    other users.
+    An object is drawn as wireframe instead if it has no material, or if one of its materials is
+    linked or used by objects other than glasses.
     """
     if not thing.is_editable or not hasattr(thing.data, "materials"):
         return  # such as the instance of a collection
