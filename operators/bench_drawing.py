@@ -67,6 +67,13 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(cls, needed.missing_parts(context.scene))
 
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(self, "paper")
+        layout.prop(self, "overwrite")
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         with reporting.errors_reported(self):
             self.end_with(context)
@@ -77,7 +84,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
 
             # The dialogue confirmed the first name; the second one follows it.
             is_agreed = self.is_in_dialogue and disk.is_there(path)
-            if not (self.overwrite or is_agreed or context.scene.kiriko.export_overwrite):
+            if not (self.overwrite or is_agreed):
                 folder.refuse_existing(path.parent, sheets, Message("set Overwrite"))
 
             with folder.made(path.parent):

@@ -280,6 +280,7 @@ def _number(x: float) -> float | None:
 
 
 NAME = "Kiriko Calibration"
+NO_CALIBRATION = Message("No calibration yet: press Calibrate first")
 SIDE = 2048  # px
 
 
@@ -337,8 +338,8 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
 
 
 def without_offset(scene: bpy.types.Scene) -> list[str]:
-    """Reason to refuse if there is no calibration to apply."""
-    return [] if scene.kiriko.calibration.offset else [needed.NOTHING]
+    """Reason to refuse if there is no calibration to apply or remove."""
+    return [] if scene.kiriko.calibration.offset else [NO_CALIBRATION]
 
 
 class KIRIKO_OT_apply_calibration(bpy.types.Operator):

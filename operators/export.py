@@ -148,7 +148,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                 return ask(
                     self,
                     event,
-                    title=Message("Replace the file?"),
+                    title=Message("Replace existing files?"),
                     message=str(path),
                     confirm_text="Replace",
                 )

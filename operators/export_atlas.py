@@ -161,7 +161,9 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     )
     step = atlas.add_mutually_exclusive_group()
     step.add_argument(
-        "--plan", action="store_true", help="only write index.json, and tell how much it will be"
+        "--plan",
+        action="store_true",
+        help="only write index.json, and report the size of the atlas",
     )
     step.add_argument(
         "--places",
@@ -360,7 +362,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
         description="Replace existing files",
-        options={"SKIP_SAVE", "HIDDEN"},
+        options={"SKIP_SAVE"},
     )
     job: bpy.props.BoolProperty(
         name="As a Job",
@@ -373,7 +375,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         min=1,
         max=MOST_TASKS,
     )
-    in_dialogue = ("low", "high", "tolerance", "most", "images", "job", "shares")
+    in_dialogue = ("low", "high", "tolerance", "most", "images", "overwrite", "job", "shares")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         for name, x in (("low", -ASIDE), ("high", ASIDE)):
@@ -396,7 +398,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
             layout.prop(self, name)
         for text in estimate(context.scene, self._box(context), self.most, self.images):
             sentence(layout, context, text)
-        layout.prop(context.scene.kiriko, "export_overwrite")
+        layout.prop(self, "overwrite")
         layout.prop(self, "job")
         tasks = layout.row()
         tasks.active = self.job
@@ -412,7 +414,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
 
         target = absolute(self.directory)
         box = self._box(context)
-        overwrite = self.overwrite or context.scene.kiriko.export_overwrite
+        overwrite = self.overwrite
         remedy = Message("set Overwrite")
         with folder.made(target):
             making = making_of(context, target, self.images)

@@ -284,7 +284,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
         description="Replace existing files",
-        options={"SKIP_SAVE", "HIDDEN"},
+        options={"SKIP_SAVE"},
     )
     filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
 
@@ -311,7 +311,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
             row = layout.row()
             row.active = not self.every_rig
             row.prop(self, "every_viewer")
-        layout.prop(context.scene.kiriko, "export_overwrite")
+        layout.prop(self, "overwrite")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with reporting.errors_reported(self):
@@ -329,9 +329,8 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
             job.check()
             check_rigs(context, job)
 
-            overwrite = self.overwrite or context.scene.kiriko.export_overwrite
             with folder.made(target):
-                names = write(target, job, [], overwrite, Message("set Overwrite"))
+                names = write(target, job, [], self.overwrite, Message("set Overwrite"))
             reporting.report(self, "INFO", bundle_report(names, target))
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -234,9 +234,9 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
         description="Replace existing files",
-        options={"SKIP_SAVE", "HIDDEN"},
+        options={"SKIP_SAVE"},
     )
-    in_dialogue = ("formats", "overscan", "times", "mesh_step")
+    in_dialogue = ("formats", "overscan", "times", "mesh_step", "overwrite")
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -245,7 +245,7 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
         layout.column().prop(self, "formats")  # a row has no room for the names
         for name in ("overscan", "times", "mesh_step"):
             layout.prop(self, name)
-        layout.prop(context.scene.kiriko, "export_overwrite")
+        layout.prop(self, "overwrite")
         for display in needed.parts(context.scene).get("DISPLAY", ()):
             size = memory_needed(display.kiriko.resolution, self._options())
             sentence(layout, context, _memory(size))
@@ -269,11 +269,10 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
             raise ImageError("The maps have no folder: choose one.")
 
         target = absolute(self.directory)
-        overwrite = self.overwrite or context.scene.kiriko.export_overwrite
         options = self._options()
         with folder.made(target):
             about = yield from exported(
-                context, target, options, overwrite, Message("set Overwrite")
+                context, target, options, self.overwrite, Message("set Overwrite")
             )
 
         text = Message(

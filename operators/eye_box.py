@@ -167,7 +167,8 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
     )
     share: bpy.props.FloatProperty(
         name="Share",
-        description="Part of the picture that must be visible",
+        description="Part of the picture that must stay visible, relative to the part visible from"
+        " the viewer's own position",
         subtype="FACTOR",
         default=LEAST,
         min=0.01,

@@ -61,13 +61,18 @@ def _allowed(thing: str) -> str:
     return whole.encode(errors="ignore")[:LONGEST].decode(errors="ignore")
 
 
+def existing(folder: Path, names: Iterable[str]) -> list[Path]:
+    """The files that exist in the folder."""
+    return [folder / name for name in names if disk.is_there(folder / name)]
+
+
 def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:
     """Raise ImageError if any of the files exists in the folder; `remedy` ends its sentence."""
-    there = [name for name in names if disk.is_there(folder / name)]
+    there = existing(folder, names)
     if there:
         raise ImageError(
             "The folder '{folder}' has {files} already: choose another or {remedy}.",
             folder=folder,
-            files=", ".join(there),
+            files=", ".join(path.name for path in there),
             remedy=remedy,
         )

@@ -34,6 +34,7 @@ from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from . import choose_picture, folder, long_work, look_over, needed, reporting, watch, windows, work
 from .export import gamma_of, unwritable, use_bundled_modules
+from .to_file import FOR_SCRIPTS, AsksToReplace
 
 
 @dataclass(frozen=True)
@@ -470,36 +471,19 @@ class KIRIKO_OT_solve_animation(OfFrames, bpy.types.Operator):
             return self.tally.sentence(next(iter(run.files.values())).parent)
 
 
-class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
+class KIRIKO_OT_export_movie(AsksToReplace, OfFrames, bpy.types.Operator):
     """Encode the animation as a movie; missing frames are solved first"""
 
     bl_idname = "kiriko.export_movie"
     bl_label = "Export Movie"
 
-    overwrite: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+    in_question = ("frames",)
 
-    is_to_ask = False
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        ours = context.scene.kiriko
+    def existing(self, context: bpy.types.Context) -> list[Path]:
+        if not Path(context.scene.kiriko.movie_path).name:
+            return []
         file = self._wish(context).file
-        if self.overwrite or not (Path(ours.movie_path).name and disk.is_there(file)):
-            return super().invoke(context, event)
-        self.is_to_ask = True
-        return context.window_manager.invoke_confirm(
-            self,
-            event,
-            title=Message("Replace the file?"),
-            message=str(file),
-            confirm_text="Replace",
-        )
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        if not self.is_to_ask:
-            return super().execute(context)
-        # a dialogue's operator cannot continue in steps, so start another one
-        bpy.ops.kiriko.export_movie("INVOKE_DEFAULT", overwrite=True, frames=self.frames)
-        return {"FINISHED"}
+        return folder.existing(file.parent, [file.name])
 
     def _wish(self, context: bpy.types.Context) -> Wish:
         ours = context.scene.kiriko
@@ -510,7 +494,7 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
             raise ImageError("No file is chosen for the movie.")
         wish = self._wish(context)
         with self.run_of(context) as run, folder.made(wish.file.parent):
-            yield from made(context, run, wish, self.tally, Message("set Overwrite"))
+            yield from made(context, run, wish, self.tally, FOR_SCRIPTS)
             remarks = self.tally.of_movies
             if warning := choose_picture.other_rate(context):
                 remarks.append(warning)

@@ -125,7 +125,7 @@ def _at_pointer(
     """Pass on the progress of work, and show it at the mouse pointer, or on the terminal without
     window.
     """
-    if bpy.app.background or context.window is None:
+    if not has_window(context):
         return (yield from _on_terminal(label, steps))
 
     manager = context.window_manager
@@ -140,6 +140,11 @@ def _at_pointer(
         return done.value
     finally:
         manager.progress_end()
+
+
+def has_window(context: bpy.types.Context) -> bool:
+    """Whether there is a window for dialogues and steps."""
+    return not bpy.app.background and context.window is not None
 
 
 class LongWork:
@@ -176,7 +181,7 @@ class LongWork:
         return {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if bpy.app.background or context.window is None:
+        if not has_window(context):
             return self.execute(context)
         if work._running:  # in another window; its own window hears no other button
             report(self, "WARNING", Message("{reason}.", reason=needed.AT_WORK))

@@ -383,6 +383,7 @@ def _description(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float
     )
 
 
+ALONG = 0.97  # cosine to an axis of the viewer above which the axis is named
 WORTH_IT = 0.02  # fraction of the lost light above which a partial rotation is proposed
 
 
@@ -422,17 +423,36 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
             )
 
         text = Message(
-            "Rotating the glass by {angle:.1f} degrees recovers {brought} of the lost part:"
-            " {after} of the picture arrives ({before} now).",
+            "Rotating the glass by {angle:.1f} degrees about {axis} recovers {brought} of the lost"
+            " part: {after} of the picture arrives ({before} now).",
             angle=np.degrees(found.angle),
+            axis=_axis_words(found.turn, rig.viewer.axes),
             brought=percent(found.brought),
             after=percent(found.after),
             before=percent(found.before),
         )
+        if not found.does_it:
+            limit = Message(
+                "No rotation up to {limit:.0f} degrees recovers the whole lost part.",
+                limit=np.degrees(self.limit),
+            )
+            text = joined([limit, text])
         motion = turn_of(rig, found.turn)
         metres = length_of_unit(scene)
         moves = tuple(move_of(thing, motion, metres) for thing in things)
         return ProposedChange(self.bl_label, text, moves)
+
+
+def _axis_words(turn: Floats, axes: Floats) -> Message:
+    """Name of the axis of a turn (3,), in the viewer's axes (3, 3)."""
+    along = np.abs(axes @ turn) / max(float(np.linalg.norm(turn)), np.finfo(float).tiny)
+    names = (
+        Message("the horizontal axis across the view"),
+        Message("the vertical axis"),
+        Message("the line of sight"),
+    )
+    n = int(along.argmax())
+    return names[n] if along[n] > ALONG else Message("an oblique axis")
 
 
 class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):

@@ -239,7 +239,7 @@ class KIRIKO_OT_smooth_glass(RepairsMesh, bpy.types.Operator):
 
     iterations: bpy.props.IntProperty(
         name="Iterations",
-        description="Of the Smooth modifier. More make the glass smoother and smaller",
+        description="Repeats of the Smooth modifier; more make the glass smoother and smaller",
         default=10,
         min=1,
         options={"SKIP_SAVE"},

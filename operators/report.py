@@ -44,10 +44,11 @@ from ..core.light.mesh_cache import MeshCache
 from ..core.rig.rig import Plate, Rig
 from ..core.rig.settings import Disagreement, Settings
 from ..core.solve.picture_coverage import check_seen
-from . import folder, long_work, needed, reporting, work
+from . import folder, needed, reporting, work
 from .cli import to_folder
 from .export import use_bundled_modules
 from .eye_box import OffFromStartError, begin, check_limit, check_share, of_blended
+from .to_file import FOR_SCRIPTS, AsksToReplace
 from .viewer_reports import CONFLICT, lines, reports_of
 
 NUMBERS = "eyes.json"  # file name of the verb, which a report adds to report.json
@@ -248,23 +249,24 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     eyes = verbs.add_parser(
         "eyes",
         parents=[shared],
-        help="tell how far the head may go, as curves, how two eyes see the picture, what solving"
-        " for a box of heads gives beside solving for its middle, and what several viewers see and"
-        " disagree about, by each way to settle it, too",
+        help="measure how far the head may move, how two eyes see the picture, solving for a box"
+        " of heads against solving for its centre, and the errors and conflicts of several viewers"
+        " in each mode of settling",
     )
     eyes.add_argument(
         "--limit",
         type=_limit,
         default=LIMIT,
         metavar="ARCMIN",
-        help=f"by which a point of the picture may be off ({LIMIT:g})",
+        help=f"largest error of a point of the picture ({LIMIT:g})",
     )
     eyes.add_argument(
         "--share",
         type=_share,
         default=LEAST,
         metavar="SHARE",
-        help=f"of what is seen from the viewer's own place that has to be seen ({LEAST:g})",
+        help="part of the picture that must stay visible, relative to the part visible from the"
+        f" viewer's own position ({LEAST:g})",
     )
     eyes.set_defaults(run=_eyes)
 
@@ -400,7 +402,7 @@ def write(
     return tuple(files)
 
 
-class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_report(AsksToReplace, bpy.types.Operator):
     """Measure error against time on this rig, as a table and a diagram"""
 
     bl_idname = "kiriko.report"
@@ -409,14 +411,9 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
 
     directory: bpy.props.StringProperty(
         name="Folder",
-        description="Where to write; empty: the folder in the panel",
+        description="Where to write",
         subtype="DIR_PATH",
         options={"SKIP_SAVE", *RELATIVE_PATH},
-    )
-    overwrite: bpy.props.BoolProperty(
-        name="Overwrite",
-        description="Replace existing files",
-        options={"SKIP_SAVE"},
     )
     seconds: bpy.props.FloatProperty(
         name="Brute Force",
@@ -427,23 +424,31 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
         unit="TIME_ABSOLUTE",
     )
 
+    in_question = ("directory", "seconds")
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
         return needed.can_run(cls, needed.linked(scene) + needed.missing_parts(scene))
 
-    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
-        scene = context.scene
-        path = self.directory or scene.kiriko.report_folder
+    def existing(self, context: bpy.types.Context) -> list[Path]:
+        target = self._target(context)
+        return folder.existing(target, names(work.read(context).rig))
+
+    def _target(self, context: bpy.types.Context) -> Path:
+        path = self.directory or context.scene.kiriko.report_folder
         if not path:
             raise ImageError("The report has no folder: choose one.")
+        return absolute(path)
 
-        target = absolute(path)
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        scene = context.scene
+        target = self._target(context)
         rig = work.read(context).rig
 
         with folder.made(target):
-            if not (self.overwrite or scene.kiriko.export_overwrite):
-                folder.refuse_existing(target, names(rig), Message("set Overwrite"))
+            if not self.overwrite:
+                folder.refuse_existing(target, names(rig), FOR_SCRIPTS)
             found, extras = yield from measured(context, rig, target, self.seconds)
             files = write(target, rig, work.settings_of(scene), found, extras)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.errors import ImageError
-from ..core.base.messages import as_message
+from ..core.base.messages import Message, as_message
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from . import long_work, needed, reporting
 from .choose_rig import EndsWithRig
@@ -70,6 +70,51 @@ class ToFile(EndsWithRig):
         return bpy.path.ensure_ext(self.filepath, suffix)
 
 
+FOR_SCRIPTS = "pass overwrite=True"  # only scripts read it: a window asks
+
+
+class AsksToReplace(long_work.LongWork):
+    """Mix-in for an operator with long work that asks in a window before it replaces files.
+
+    in_question : names of the settings that the work after the question needs
+    """
+
+    in_question: tuple[str, ...] = ()
+
+    overwrite: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    is_to_ask = False
+
+    def existing(self, context: bpy.types.Context) -> list[Path]:
+        """Files that the work would replace."""
+        raise NotImplementedError
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        with reporting.errors_reported(self):
+            is_sure = self.overwrite or not long_work.has_window(context)
+            files = [] if is_sure else self.existing(context)
+            if not files:
+                return super().invoke(context, event)
+            self.is_to_ask = True
+            return context.window_manager.invoke_confirm(
+                self,
+                event,
+                title=Message("Replace existing files?"),
+                message=", ".join(map(str, [files[0], *(path.name for path in files[1:])])),
+                confirm_text="Replace",
+            )
+        return {"CANCELLED"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self.is_to_ask:
+            return super().execute(context)
+        # a dialogue's operator cannot continue in steps, so start another one
+        again = getattr(bpy.ops.kiriko, type(self).__name__.partition("_OT_")[2])
+        settings = {name: getattr(self, name) for name in self.in_question}
+        again("INVOKE_DEFAULT", overwrite=True, **settings)
+        return {"FINISHED"}
+
+
 class IntoFolder(EndsWithRig, long_work.LongWork):
     """Mix-in for an operator with long work that writes to a folder.
 
@@ -93,7 +138,7 @@ class IntoFolder(EndsWithRig, long_work.LongWork):
         return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.directory or bpy.app.background or context.window is None:
+        if self.directory or not long_work.has_window(context):
             return super().invoke(context, event)
         self.is_in_dialogue = True
         self.begin_with(context.scene)

@@ -1,7 +1,8 @@
 """Plain words: figures for `dev.py house`, and a check for `dev.py lint`; needs only Python.
 
 Code is the docstrings and comments of the product, messages are its labels, tooltips and sentences,
-docs are the English pages. A text with an odd word fails the check, unless `ALLOWED` has it.
+docs are the English pages. The figures leave out others: errors of files, descriptions of buttons,
+help of the command line. A text with an odd word fails the check, unless `ALLOWED` has it.
 """
 
 from __future__ import annotations
@@ -31,12 +32,17 @@ ALLOWED = re.compile(
     r"`[^`\n]*`|^ *[\w, ]+ : |\w+\.py|Missed hits: \w+|\{\w+\}"
     r"|[Tt]here (is|are) no|(is|are) no \w+er\b"
     r"|(amount|angle|edge|factor|fraction|gain|m,|margin|pixels|px|size) by which"
-    r"|(all|each|half|most|some) of which|as they stand|stands? (around|undistorted|upright)",
+    r"|(all|each|half|most|some) of which",
     re.MULTILINE,
 )
 DOCUMENTED = ast.Module, ast.ClassDef, ast.FunctionDef
-MESSAGES = {"Message", "RigError", "MeshError", "KirikoError"}
+SENTENCES = {"Message", "RigError", "MeshError", "KirikoError"}
 LABELS = {"description", "name", "tip", "text"}
+SHOWN = {  # kinds of the literals that people read
+    ast.Call: {**dict.fromkeys(SENTENCES, "messages"), "ImageError": "others"},
+    ast.keyword: {**dict.fromkeys(LABELS, "messages"), "help": "others"},
+    ast.Assign: {"bl_description": "others"},
+}
 
 
 class Text(NamedTuple):
@@ -68,19 +74,25 @@ def texts_of(source: str, name: str) -> Iterator[Text]:
         if isinstance(node, DOCUMENTED) and ast.get_docstring(node):
             docstring = node.body[0].value
             yield Text("code", name, docstring.lineno, docstring.value)
-        elif value := message_of(node):
-            yield Text("messages", name, value.lineno, str(value.value))
+        elif (literal := literal_of(node)) is not None:
+            yield Text(literal[0], name, node.lineno, literal[1])
 
 
-def message_of(node: ast.AST) -> ast.Constant | None:
-    """The literal that people read, of a call or of a keyword in one."""
-    value = None
+def literal_of(node: ast.AST) -> tuple[str, str] | None:
+    """The literal that people read, with its kind, of a call, a keyword or an assignment."""
+    name, value = "", None
     if isinstance(node, ast.Call) and node.args:
-        called = getattr(node.func, "id", getattr(node.func, "attr", ""))
-        value = node.args[0] if called in MESSAGES else None
-    elif isinstance(node, ast.keyword) and node.arg in LABELS:
-        value = node.value
-    return value if isinstance(value, ast.Constant) else None
+        name, value = getattr(node.func, "id", getattr(node.func, "attr", "")), node.args[0]
+    elif isinstance(node, ast.keyword):
+        name, value = node.arg, node.value
+    elif isinstance(node, ast.Assign):
+        name, value = getattr(node.targets[0], "id", ""), node.value
+    kind = SHOWN.get(type(node), {}).get(name)
+    if kind is not None and isinstance(value, ast.Constant):
+        return kind, str(value.value)
+    if kind == "others" and isinstance(value, ast.JoinedStr):
+        return kind, "".join(str(p.value) for p in value.values if isinstance(p, ast.Constant))
+    return None
 
 
 def odd_words(text: Text) -> list[str]:

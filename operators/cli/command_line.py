@@ -159,7 +159,7 @@ def _add_drawing(verbs: argparse._SubParsersAction, shared: argparse.ArgumentPar
 
 def _add_maps(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
     maps = verbs.add_parser(
-        "maps", parents=[shared], help="write warp maps, by which other programs warp pictures"
+        "maps", parents=[shared], help="write warp maps, for warping pictures in other programs"
     )
     maps.add_argument(
         "--formats",
@@ -174,7 +174,7 @@ def _add_maps(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser
         type=float,
         default=MapOptions.overscan,
         metavar="PERCENT",
-        help="by which images are larger than the picture at each side (0)",
+        help="extra width and height of the images at each side of the picture (0)",
     )
     maps.add_argument(
         "--times",

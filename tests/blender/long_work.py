@@ -296,7 +296,6 @@ def rig(
     scene.kiriko.report_folder = str(tmp_path / "report")
     (tmp_path / "report").mkdir()
     (tmp_path / "report" / "report.svg").write_bytes(b"an earlier one")
-    scene.kiriko.export_overwrite = True
     scene.kiriko.export_path = str(tmp_path / "report" / "source.png")
     bpy.ops.kiriko.solve()
     other = bpy.data.scenes.new("Other")  # of Render Pictures: a world alone

@@ -54,12 +54,6 @@ def test_files_that_are_there_are_kept(scene, tmp_path):
     bpy.ops.kiriko.bench_drawing(filepath=path, overwrite=True)
     assert taken.read_text() != "mine"
 
-    # as the panel's Overwrite says
-    taken.write_text("mine")
-    scene.kiriko.export_overwrite = True
-    bpy.ops.kiriko.bench_drawing(filepath=path)
-    assert taken.read_text() != "mine"
-
 
 def test_picture_that_is_seen_edge_on_is_one_sentence(scene, tmp_path):
     small_rig()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from extension import loaded
 from kiriko.core.base.errors import RigError
 from kiriko.core.blender.read.resize import give_matrix
 from small_rigs import cube, small_rig
@@ -118,7 +119,7 @@ def test_the_glass_turns_back_what_is_lost(scene, capfd):
     middle = place(rig["GLASS"])[:3, 3]
     assert bpy.ops.kiriko.turn_back(take=True) == {"FINISHED"}
     text = re.search(
-        r"by ([\d.]+) degrees recovers 100 % of the lost part: ([\d.]+) %",
+        r"by ([\d.]+) degrees about the vertical axis recovers 100 % of the lost part: ([\d.]+) %",
         capfd.readouterr().out,
     )
     after = place(rig["GLASS"])
@@ -137,6 +138,30 @@ def test_what_no_turn_brings_back_is_said(scene, capfd):
     assert bpy.ops.kiriko.turn_back(limit=np.radians(2)) == {"FINISHED"}
     assert "Warning: No rotation up to 2 degrees recovers" in capfd.readouterr().out
     assert not bpy.ops.kiriko.take_proposal.poll()
+
+
+def test_a_part_of_the_lost_part_is_said_to_be_one(scene, capfd):
+    """A smaller limit than the glass needs: a warning names the limit, then the axis."""
+    tilted_rig()
+    assert bpy.ops.kiriko.turn_back(limit=np.radians(5), take=True) == {"FINISHED"}
+    assert re.search(
+        r"Warning: No rotation up to 5 degrees recovers the whole lost part\. Rotating the glass by"
+        r" [\d.]+ degrees about the vertical axis recovers \d+ % of the lost part",
+        capfd.readouterr().out,
+    )
+
+
+def test_axes_have_names(kiriko):
+    """Of the viewer's own axes; others are oblique."""
+    words = loaded("operators.proposal")._axis_words
+    names = [str(words(turn, np.eye(3))) for turn in (*np.eye(3), -np.eye(3)[1], np.ones(3))]
+    assert names == [
+        "the horizontal axis across the view",
+        "the vertical axis",
+        "the line of sight",
+        "the vertical axis",
+        "an oblique axis",
+    ]
 
 
 def test_glass_that_is_held_stays(scene):

@@ -160,7 +160,7 @@ def test_points_of_a_bench_that_is_off_make_it_right(
 
     bpy.ops.kiriko.remove_calibration()
     assert bench.off(bench.rig()) == pytest.approx(before)
-    with pytest.raises(RuntimeError, match="There is no calibration"):
+    with pytest.raises(RuntimeError, match="No calibration yet"):
         bpy.ops.kiriko.remove_calibration()
 
 

@@ -77,7 +77,6 @@ def test_add_rig_shows_few_buttons(drawn: Callable[..., Layout], kind: str) -> N
     assert len(to_do) >= 2
     assert height <= HEIGHT
     assert buttons.count("kiriko.export") == 1
-    assert "export_overwrite" not in fields
 
 
 def test_what_few_people_need_is_closed(scene: bpy.types.Scene) -> None:

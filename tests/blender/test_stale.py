@@ -156,7 +156,6 @@ def select(rig: dict[str, bpy.types.Object]) -> None:
 def export(rig: dict[str, bpy.types.Object]) -> None:
     ours().export_path = "//other.exr"
     ours().export_format = "EXR_HALF"
-    ours().export_overwrite = True
     ours().report_folder = "//elsewhere"
     ours().calibration.columns = 9
 

@@ -13,13 +13,21 @@ It stands in air, beside a plate.
 
 TEXT = Message("The glass is no ball: mend it.")
 Button(text="Told")
+raise ImageError("The file is no picture.")
+bl_description = "Tells the size"
+add(name, help=f"of {n} balls, by which it is asked")
 '''
 
 
 def test_odd_words_are_found_with_their_lines():
-    """In docstrings, comments, messages and labels; the lines are those of an editor."""
-    found = [line for text in prose.texts_of(SOURCE, "a.py") for line in prose.odd_words(text)]
+    """In all kinds of texts; the lines are those of an editor."""
+    every = list(prose.texts_of(SOURCE, "a.py"))
+    found = [line for text in every for line in prose.odd_words(text)]
     assert sorted(found) == [
+        "a.py:10: is no",
+        "a.py:11: Tells",
+        "a.py:12: asked",
+        "a.py:12: by which",
         "a.py:3: beside",
         "a.py:3: stands",
         "a.py:6: asked",
@@ -27,6 +35,7 @@ def test_odd_words_are_found_with_their_lines():
         "a.py:8: mend",
         "a.py:9: Told",
     ]
+    assert {text.kind for text in every} == {"code", "messages", "others"}
 
 
 def test_pages_are_read_and_names_of_code_are_allowed(tmp_path):

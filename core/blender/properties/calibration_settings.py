@@ -75,8 +75,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     shift: FloatProperty(
         name="Shift",
-        description="Likely difference between the real rig and the drawn one: lengths in mm,"
-        " angles in degrees, the focal length in per cent; 0 = exact",
+        description="Likely error of a part's position; 0 = exact",
         default=TOLERANCES["shift"],
         min=0.0,
         soft_max=10.0,
@@ -87,8 +86,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     turn: FloatProperty(
         name="Turn",
-        description="Likely difference between the real rig and the drawn one: lengths in mm,"
-        " angles in degrees, the focal length in per cent; 0 = exact",
+        description="Likely error of a part's rotation; 0 = exact",
         default=radians(TOLERANCES["turn"]),
         min=0.0,
         max=radians(30.0),
@@ -98,8 +96,6 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     index: FloatProperty(
         name="Index",
-        description="Likely difference between the real rig and the drawn one: lengths in mm,"
-        " angles in degrees, the focal length in per cent; 0 = exact",
         default=TOLERANCES["index"],
         min=0.0,
         max=0.5,
@@ -108,8 +104,6 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     focal: FloatProperty(
         name="Focal Length",
-        description="Likely difference between the real rig and the drawn one: lengths in mm,"
-        " angles in degrees, the focal length in per cent; 0 = exact",
         default=TOLERANCES["focal"],
         min=0.0,
         max=20.0,
@@ -119,8 +113,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     crossing: FloatProperty(
         name="Crossing",
-        description="Likely difference between the real rig and the drawn one: lengths in mm,"
-        " angles in degrees, the focal length in per cent; 0 = exact",
+        description="Likely error of the right angle between a plate's layers; 0 = exact",
         default=radians(TOLERANCES["crossing"]),
         min=0.0,
         max=radians(5.0),
@@ -130,8 +123,6 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     mirror: FloatProperty(
         name="Mirror Height",
-        description="Likely difference between the real rig and the drawn one: lengths in mm,"
-        " angles in degrees, the focal length in per cent; 0 = exact",
         default=TOLERANCES["mirror"],
         min=0.0,
         max=10.0,

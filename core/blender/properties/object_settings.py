@@ -208,8 +208,8 @@ class KirikoObject(bpy.types.PropertyGroup):
     )
     priority: IntProperty(
         name="Priority",
-        description="Where glass objects overlap, the higher number counts, then the smaller"
-        " object",
+        description="Order of overlapping glass objects: the higher number counts, then the"
+        " smaller object",
         default=0,
         min=-1000,
         max=1000,

@@ -197,11 +197,6 @@ class KirikoRig(bpy.types.PropertyGroup):
         items=EXPORT_FORMATS,
         default="PNG8",
     )
-    export_overwrite: BoolProperty(
-        name="Overwrite",
-        description="Replace existing files",
-        default=False,
-    )
     animation_path: StringProperty(
         name="Frames",
         description="Files of an animation's source images; each # is a digit of the frame number",
