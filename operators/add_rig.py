@@ -83,8 +83,8 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     )
     look_down: bpy.props.FloatProperty(
         name="Look Down",
-        description="Angle of the view from above. From 45 degrees on the display lies flat under"
-        " the glass",
+        description="Angle of the view down at the glass. At 45 degrees or more, the display lies"
+        " flat under the glass",
         subtype="ANGLE",
         default=0.0,
         min=0.0,
@@ -328,8 +328,8 @@ def _on_display(
 
     if lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > MOSTLY_LOST:
         return Message(
-            "{text} Most of the picture is next to the glass for the viewer: move it, or rotate"
-            " the glass.",
+            "{text} As the viewer sees it, most of the picture is outside the glass: move the"
+            " picture, or rotate the glass.",
             text=text,
         ), 0.0
 

@@ -63,7 +63,7 @@ class KIRIKO_OT_calibrate(long_work.LongWork, bpy.types.Operator):
         path = self.filepath or context.scene.kiriko.calibration.filepath
         if not path:
             raise ImageError(
-                "There is nothing to calibrate by: choose a photograph or a CSV of points."
+                "There is nothing to calibrate from: choose a photograph or a CSV of points."
             )
 
         use_bundled_modules()
@@ -110,7 +110,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     tolerances = tolerances_of(ours)
     among = [parameter for parameter in parameters(rig) if tolerances[parameter.kind] > 0]
     if not among:
-        raise RigError("No errors are allowed: set a tolerance above 0.")
+        raise RigError("All Expected Errors are 0: set at least one above 0.")
 
     expect = np.array([tolerances[parameter.kind] for parameter in among])
     bench = Bench(rig, settings, expected, among)
@@ -207,8 +207,8 @@ def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
         size.max(), viewer_size.max()
     ):
         raise ImageError(
-            "'{file}' has {width:.0f} x {height:.0f} pixels, the viewer {viewer_width:.0f}"
-            " x {viewer_height:.0f}: give the viewer's resolution the photograph's shape.",
+            "'{file}' has {width:.0f} x {height:.0f} pixels, the viewer {viewer_width:.0f} x"
+            " {viewer_height:.0f}: give the viewer the photograph's aspect ratio.",
             file=path.name,
             width=size[0],
             height=size[1],
@@ -343,7 +343,7 @@ def without_offset(scene: bpy.types.Scene) -> list[str]:
 
 
 class KIRIKO_OT_apply_calibration(bpy.types.Operator):
-    """Move the objects and set their optics as the calibration found them"""
+    """Move the objects and set their optical properties to the calibrated values"""
 
     bl_idname = "kiriko.apply_calibration"
     bl_label = "Apply to Scene"

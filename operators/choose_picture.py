@@ -61,7 +61,7 @@ class KIRIKO_OT_use_film(bpy.types.Operator):
     """Give the scene the frame rate and range of the picture's movie"""
 
     bl_idname = "kiriko.use_film"
-    bl_label = "Use Film's Rate and Range"
+    bl_label = "Use Movie's Rate and Range"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -223,7 +223,7 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
     )
     detect_sequences: bpy.props.BoolProperty(
         name="Detect Sequences",
-        description="Open the consecutively numbered files around the chosen one as its frames",
+        description="Open the chosen file and its consecutively numbered neighbours as a sequence",
         options={"SKIP_SAVE"},
     )
 

@@ -218,8 +218,8 @@ def find_scene(context: bpy.types.Context, rig: str | None) -> Iterator[str]:
     windows = context.window_manager.windows
     if len(found) > 1 or not windows:
         raise RigError(
-            "The scene '{name}' has no such rig; {names} has one: choose a scene by --scene,"
-            " before --command.",
+            "The scene '{name}' has no such rig, but there is one in {names}: choose a scene with"
+            " --scene, before --command.",
             name=context.scene.name,
             names=quoted(scene.name for scene in found),
         )

@@ -60,7 +60,7 @@ def unwritable(form: str) -> list[str]:
 
 
 class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
-    """Write the source image at the display's resolution, with colour space and size"""
+    """Write the source image at the display's resolution, tagged with colour space and size"""
 
     bl_idname = "kiriko.export"
     bl_label = "Export Source Image"

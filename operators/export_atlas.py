@@ -131,7 +131,7 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     atlas = verbs.add_parser(
         "atlas",
         parents=[shared],
-        help="write warp maps for a head that moves, over a grid of places",
+        help="write warp maps for a moving head, on a grid of positions",
     )
     for axis in ("right", "up", "forward"):
         atlas.add_argument(
@@ -157,7 +157,7 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
         help=f"places of the head, at most ({MOST})",
     )
     atlas.add_argument(
-        "--images", action="store_true", help="write the source image of each place, too"
+        "--images", action="store_true", help="also write the source image for each position"
     )
     step = atlas.add_mutually_exclusive_group()
     step.add_argument(
@@ -169,30 +169,31 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
         "--places",
         type=_places,
         metavar="A-B",
-        help="only make these places of an atlas that was planned, from 1",
+        help="only make these positions of a planned atlas, counted from 1",
     )
     step.add_argument(
         "--share",
         type=_share,
         metavar="K/N",
-        help="only make one place in N of an atlas that was planned, from the Kth on",
+        help="only make every Nth position of a planned atlas, starting with the Kth",
     )
     step.add_argument(
         "--check",
         type=count,
         metavar="N",
-        help="only compare N heads at random places of a whole atlas",
+        help="only check a complete atlas at N random head positions",
     )
     step.add_argument(
         "--halve",
         action="store_true",
-        help="only check a whole atlas, and halve its grid where it misses the tolerance",
+        help="only check a complete atlas, and halve its grid spacing where it exceeds the"
+        " tolerance",
     )
     step.add_argument(
         "--job",
         type=count,
         metavar="N",
-        help="write a job for a render farm in its place, whose N tasks share the places",
+        help="write a render farm job instead, which divides the positions among N tasks",
     )
     atlas.add_argument(
         "--zip",
@@ -200,7 +201,7 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
         nargs="+",
         default=[],
         metavar="FILE",
-        help="Kiriko's zips for the platforms of the job's farm (this one, packed)",
+        help="Kiriko's zips for the farm's platforms (default: this installation, zipped)",
     )
     atlas.set_defaults(run=run)
 

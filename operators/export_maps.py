@@ -43,7 +43,7 @@ from .export import use_bundled_modules
 from .to_file import IntoFolder
 from .wrapping import sentence
 
-ABOUT = "Kiriko: where in the picture each pixel looks; s, t from the lower left"
+ABOUT = "Kiriko: the position in the picture that each pixel shows; s, t from the lower left"
 SOLVED, MAPPED = 0.4, 0.95  # progress, approximate
 FORMAT_ITEMS = (
     (
@@ -196,8 +196,8 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
     """Write warp maps, for other programs"""
 
     bl_description = (
-        "Write warp maps: by them other programs make the source image of any picture, or film,"
-        " that takes the place of this one"
+        "Write warp maps, with which other programs make source images of other pictures or movies"
+        " in the place of this one"
     )
     bl_idname = "kiriko.export_maps"
     bl_label = "Export Maps"

@@ -125,7 +125,8 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
 DISPLACEMENT = "displacement"  # attribute in arcmin, at the surface's points
 SERVED = "head_box"  # key among the figures
 BLENDED = Message(
-    "Blended shows double edges. The figures apply to their centre, as shown by Sharp."
+    "Blended shows double edges. The figures refer to the middle between them, where Sharp shows"
+    " the edge."
 )
 NUMBERS = "kiriko_eye_box"  # custom property of the surface with the figures, as text
 # Progress when the box is found, and when its surface is; the rest is the viewers' box.
@@ -245,8 +246,9 @@ def begin(walk: Walk) -> Steps[None]:
         )
     if walk.begun > 1:
         raise OffFromStartError(
-            "From its own place the viewer '{viewer}' sees the picture off by more than {limit}"
-            " arcmin, as others ask for it elsewhere: raise Limit, or its weight.",
+            "Even at its own position, the viewer '{viewer}' sees the picture more than {limit}"
+            " arcmin off, because other viewers need it elsewhere: raise Limit, or this viewer's"
+            " weight.",
             viewer=viewer,
             limit=number(walk.limit),
         )

@@ -99,8 +99,8 @@ class Tally:
     def stale_words(self) -> Message:
         """A sentence on stale frames."""
         return Message(
-            "Frames of an earlier scene: {n}, the first is {frame}. Solve all frames again, or"
-            " delete these files.",
+            "Frames from an earlier state of the scene: {n}, starting with {frame}. Solve all"
+            " frames again, or delete these files.",
             n=len(self.stale),
             frame=self.stale[0],
         )

@@ -98,7 +98,7 @@ def _give_one(context: bpy.types.Context, things: list[bpy.types.Object], produc
 
 
 class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
-    """Give glass a clear material; Remove Rig restores its own"""
+    """Give the glass a clear material; Remove Rig restores the original one"""
 
     bl_idname = "kiriko.make_glass"
     bl_label = "Make It Glass"

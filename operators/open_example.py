@@ -11,9 +11,9 @@ from .windows import all_windows
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
 EXAMPLES = (
     ("BALL", "Ball", "A solid ball of glass, the reference", "MESH_UVSPHERE", 0),
-    ("GOBLET", "Goblet", "A wine glass by Screw, Solidify and Subdivision", "MATSPHERE", 1),
+    ("GOBLET", "Goblet", "A wine glass made with Screw, Solidify and Subdivision", "MATSPHERE", 1),
     ("CUT_CUBE", "Cut Cube", "A cube with facets cut along its edges", "MESH_CUBE", 2),
-    ("BOTTLE", "Bottle", "A hollow bottle by Screw and Subdivision", "MESH_CYLINDER", 3),
+    ("BOTTLE", "Bottle", "A hollow bottle made with Screw and Subdivision", "MESH_CYLINDER", 3),
 )
 WAIT = 0.1  # s until the new file's windows can be framed
 _requested: list[str] = []  # the example to open after the artist has confirmed

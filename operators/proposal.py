@@ -198,7 +198,7 @@ class KIRIKO_OT_drop_proposal(bpy.types.Operator):
     """Discard the proposal"""
 
     bl_idname = "kiriko.drop_proposal"
-    bl_label = "Leave It"
+    bl_label = "Discard"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -355,7 +355,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
         text = _description(scene, rig, found, side)
         is_at_limit = np.abs(found.shift).max() > AT_LIMIT * limits.shift
         if is_at_limit and found.after < ENOUGH:
-            text = joined([text, Message("It moved to its limit: raise Move up to.")])
+            text = joined([text, Message("It moved as far as allowed: raise 'Move up to'.")])
         return ProposedChange(self.bl_label, text, tuple(moves))
 
 

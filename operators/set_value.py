@@ -198,7 +198,7 @@ def _refuse_beyond(known: bpy.types.Property, path: str, value: object) -> None:
             )
     elif known.type == "STRING" and 0 < known.length_max <= len(str(value).encode()):
         raise RigError(
-            "The property '{path}' can't hold {n} letters: use {most} at most.",
+            "The property '{path}' can't hold {n} characters: use {most} at most.",
             path=path,
             n=len(str(value).encode()),
             most=known.length_max - 1,

@@ -186,9 +186,9 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
     """Open a window that shows only the source image"""
 
     bl_description = (
-        "Open a window with the source image alone, one image pixel to one screen pixel, encoded as"
-        " the exported file. Drag it to the display and make it full-screen there; it follows Live"
-        " and playback"
+        "Open a window with only the source image, one image pixel per screen pixel, in the"
+        " exported file's values. Drag it to the display and make it full-screen there; it follows"
+        " Live and playback"
     )
     bl_idname = "kiriko.show_window"
     bl_label = "Show Window"

@@ -167,7 +167,7 @@ class KIRIKO_OT_open_pictures(EndsWithRig, bpy.types.Operator):
         return {"CANCELLED"}
 
 
-NO_OTHER = Message("No other scene: make one with the viewers' picture")
+NO_OTHER = Message("There is no other scene: make one for the viewers to see")
 
 
 class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
@@ -179,7 +179,7 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
 
     scene: bpy.props.StringProperty(
         name="Scene",
-        description="Scene to render; empty for the only other one",
+        description="Scene to render; if empty, the only other scene",
         options={"SKIP_SAVE"},
     )
 

@@ -40,7 +40,8 @@ class VIEW3D_PT_kiriko_calibration(Closed, bpy.types.Panel):
         if ours.offset:
             n = len(Offset.read(ours.offset).sets)
             text = Message(
-                "Calibrations applied: {n}. The solved rig is slightly off the drawn one.", n=n
+                "Calibrations applied: {n}. The solved rig differs slightly from the drawn one.",
+                n=n,
             )
             sentence(layout, context, text, icon="INFO")
             row = layout.row(align=True)
@@ -112,7 +113,7 @@ class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
 class VIEW3D_PT_kiriko_not_separated(Closed, bpy.types.Panel):
     """The errors that one photograph does not show or cannot separate."""
 
-    bl_label = "Not Separated"
+    bl_label = "Undetermined Errors"
     bl_parent_id = "VIEW3D_PT_kiriko_found"
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -94,7 +94,7 @@ def words_on(size: tuple[int, int], image: tuple[int, int], keys: str) -> Messag
     width, height = image
     if size == image:
         return Message(
-            "The window has the image's {width} x {height} pixels.", width=width, height=height
+            "The window matches the image: {width} x {height} pixels.", width=width, height=height
         )
     return Message(
         "The window has {across} x {down} pixels, the image {width} x {height}. Drag the window to"

@@ -124,7 +124,7 @@ def draw_resolution(
         layout.prop(ours, "resolution")
     else:
         width, height = frame_of(camera, context.scene.render).size
-        text = Message("As the render: {width} x {height} px", width=width, height=height)
+        text = Message("Same as the render: {width} x {height} px", width=width, height=height)
         layout.label(text=in_words(text), icon="BLANK1")
 
 

@@ -303,7 +303,7 @@ def turn_back(
     before = yield from light_turned(rig, np.zeros(3), plan_of, N_GRID)
     is_lost = before.light.is_seen & ~before.light.has_arrived
     if not before.weight[is_lost].sum() > 0:
-        raise RigError("All of the picture arrives already.")
+        raise RigError("The whole picture already arrives.")
 
     def tried(axes: Iterable[Floats], angle: float) -> Generator[float, None, TurnBack]:
         """The best turn about any of the axes."""

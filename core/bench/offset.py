@@ -22,8 +22,12 @@ TOLERANCES = {
     "focal": 0.1,
 }
 # Axes of shifts and turns are those of the planned rig's viewer.
-SHIFTS = Message("shift right"), Message("shift up"), Message("shift away")
-TURNS = Message("turn about right"), Message("turn about up"), Message("turn about away")
+SHIFTS = Message("shift right"), Message("shift up"), Message("shift in depth")
+TURNS = (
+    Message("turn about the horizontal axis"),
+    Message("turn about the vertical axis"),
+    Message("turn about the depth axis"),
+)
 INDEX = Message("index")
 HEIGHT = Message("mirror height")
 CROSSING = Message("crossing angle")

@@ -58,7 +58,8 @@ def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
         raise not_flat(place)
     if np.linalg.cond(mapping.matrix / np.abs(mapping.matrix).max(axis=0)) > EDGE_ON:
         raise RigError(
-            "The picture '{picture}' is seen edge-on: turn it to the viewer.", picture=place.name
+            "The picture '{picture}' is seen edge-on: turn it towards the viewer.",
+            picture=place.name,
         )
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(mapping.matrix).T
     return xyw[:, :2] / xyw[:, 2:]

@@ -73,7 +73,7 @@ class StrayLight:
         words = [word for word, is_there in sides.items() if is_there]
         if not words:
             return AROUND
-        return Message("most of it {sides} it", sides=joined(words, " and "))
+        return Message("mostly {sides} it", sides=joined(words, " and "))
 
 
 def with_stray_light(plan: Plan) -> Plan:

@@ -146,7 +146,7 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
 
     _, across = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
     if across < EDGE_ON * np.linalg.norm(high - low):
-        return Message("which is seen edge-on: turn it to the viewer")
+        return Message("which is seen edge-on: turn it towards the viewer")
     if (high - low).max() < 1:
         return Message(
             "which is smaller than a viewer pixel: make it larger, or raise the viewer's resolution"

@@ -34,7 +34,7 @@ REASON_WORDS = {
     Reason.MISSED_DISPLAY: Message("missed the display"),
     Reason.CUT_OFF: Message("cut off by Max Events"),
 }
-BY_GAPS = Message("passed gaps in the glass")  # instead of a reason
+BY_GAPS = Message("went through gaps in the glass")  # instead of a reason
 
 
 @dataclass(frozen=True, eq=False)

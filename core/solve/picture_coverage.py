@@ -140,7 +140,7 @@ REMEDIES = {
         "no ray reaches the {part}: move or enlarge it", part=Message("display")
     ),
     Reason.CUT_OFF: Message(
-        "every ray needs more than Max Events: raise it, or simplify the glass"
+        "every ray meets more surfaces than Max Events allows: raise it, or simplify the glass"
     ),
 }
 

@@ -185,7 +185,7 @@ def on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
     )
 
     yield note(
-        "Glare: {share} of the viewer's light passes the glass {where}: {remedy}.",
+        "Glare: {share} of the viewer's light comes past the glass, {where}: {remedy}.",
         share=percent(glare.share),
         where=glare.where,
         remedy=remedy,
@@ -326,8 +326,8 @@ def _on_doubted(rig: Rig, plan: Plan) -> Iterator[Remark]:
     for part, n, m in zip(parts, counts.n_doubted, counts.n_curved, strict=True):
         if n:
             yield note(
-                "The mesh of '{part}' is too irregular or coarse to be curved: {drawn} of its"
-                " smooth faces are traced as drawn.",
+                "The mesh of '{part}' is too irregular or coarse for a curved surface: {drawn} of"
+                " its smooth faces are traced as drawn.",
                 part=part.name,
                 drawn=percent(n / (n + m)),
             )
@@ -379,8 +379,8 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
     beyond = error.facet_limited + error.unresolved - error.noise
     if beyond > BEYOND:
         yield warning(
-            "{share} of the view exceeds the tolerance or is lost, because it changes within a"
-            " pixel: {remedy}.",
+            "{share} of the view exceeds the tolerance or is lost, because the light's path"
+            " changes within a pixel: {remedy}.",
             share=percent(beyond),
             remedy=remedy_for(rig, mesh, error),
         )

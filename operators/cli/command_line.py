@@ -106,11 +106,9 @@ def _shared() -> argparse.ArgumentParser:
         required=True,
         type=path,
         metavar="DIR",
-        help="folder for the results; made if need be",
+        help="folder for the results; created if necessary",
     )
-    shared.add_argument(
-        "--overwrite", action="store_true", help="replace results that are there already"
-    )
+    shared.add_argument("--overwrite", action="store_true", help="overwrite existing results")
     shared.add_argument(
         SET,
         nargs=2,
@@ -118,14 +116,14 @@ def _shared() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar=("PROPERTY", "VALUE"),
-        help="give a property another value first, such as kiriko.tolerance 0.05 of the scene, or"
+        help="set a property first, such as kiriko.tolerance 0.05 (of the scene) or"
         ' objects["Glass"].kiriko.ior 1.5',
     )
     shared.add_argument(
         "--rig",
         metavar="NAME",
-        help="a rig of the scene, by its collection's name, or 'all' of them, each to a folder of"
-        " its name (the one that the file shows)",
+        help="name of a rig's collection, or 'all' to write each rig to a folder of its name"
+        " (default: the active rig)",
     )
     return shared
 
@@ -211,7 +209,7 @@ def _pictures(shared: argparse.ArgumentParser) -> argparse.ArgumentParser:
         nargs="+",
         default=[],
         metavar="NAME",
-        help="write what these viewers see, too, by their cameras' names, or 'all' of them",
+        help="also write the images seen by these viewers: camera names, or 'all'",
     )
     pictures.add_argument(
         "--samples",
@@ -223,7 +221,7 @@ def _pictures(shared: argparse.ArgumentParser) -> argparse.ArgumentParser:
         "--format",
         choices=image_io.FORMATS,
         default="PNG8",
-        help="of source.png or source.tif (PNG8)",
+        help="file format of source.png or source.tif (default: PNG8)",
     )
     for role, products in to_folder.PRODUCTS.items():
         pictures.add_argument(
@@ -245,13 +243,12 @@ def _add_solve(verbs: argparse._SubParsersAction, pictures: argparse.ArgumentPar
         "--pictures",
         default="",
         metavar="FILE",
-        help="have each viewer see the image in its own file, whose name has the word viewer in"
-        " braces where the name of the camera is",
+        help="one image file per viewer: a path in which {viewer} stands for the camera's name",
     )
     solve.add_argument(
         "--only-viewer",
         metavar="NAME",
-        help="solve for this one of several viewers alone, by its camera's name",
+        help="solve only for the viewer with this camera name",
     )
     to_folder.add_options(solve)
     solve.set_defaults(run=_solve)
@@ -261,8 +258,8 @@ def _add_calibrate(verbs: argparse._SubParsersAction, pictures: argparse.Argumen
     calibrate = verbs.add_parser(
         "calibrate",
         parents=[pictures],
-        help="find the errors of a real bench, solve for it, and write both, and a .blend of it,"
-        " to a folder",
+        help="find the errors of a real bench, solve for it, and write the errors, the solution"
+        " and a .blend to a folder",
     )
     calibrate.add_argument(
         "--measured",
@@ -275,7 +272,8 @@ def _add_calibrate(verbs: argparse._SubParsersAction, pictures: argparse.Argumen
         "--keep",
         choices=("offset", "scene"),
         default="offset",
-        help="the result, in the .blend: as an offset, or by moving its objects (offset)",
+        help="how the .blend stores the result: as an offset, or by moving its objects (default:"
+        " offset)",
     )
     calibrate.set_defaults(run=_calibrate)
 
@@ -336,7 +334,7 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
     is_job = arguments.run == farm_verbs.write_job
     names = [rig.name for rig in rigs(bpy.context.scene)]
     if arguments.verb == "calibrate":
-        raise UsageError("A photograph is of one rig: name it by --rig.")
+        raise UsageError("A photograph shows only one rig: name it with --rig.")
     if not names:
         raise RigError("The scene has no rig from Add Rig: leave out --rig.")
 
@@ -369,7 +367,7 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         return to_folder.solve(arguments)
     if arguments.preview or arguments.simulate or arguments.viewers:
         raise UsageError(
-            "Of frames only source images are written: leave out --preview, --simulate and"
+            "With --frames, only source images are written: leave out --preview, --simulate and"
             " --viewers."
         )
     return to_folder.solve_frames(arguments)

@@ -40,8 +40,8 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
         "--vary",
         default="",
         metavar="PROPERTY",
-        help="a property that each task gives another value, such as kiriko.tolerance of the"
-        ' scene or objects["Glass"].kiriko.ior',
+        help="property to vary from task to task, such as kiriko.tolerance (of the scene) or"
+        ' objects["Glass"].kiriko.ior',
     )
     job.add_argument(VALUES, nargs="+", type=as_is, default=[], metavar="VALUE", help="its values")
     job.add_argument(
@@ -49,7 +49,7 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="NAME",
-        help="tasks that solve for one viewer alone: these, by their cameras' names, or 'all'",
+        help="one task per viewer, solved only for it: camera names, or 'all'",
     )
     job.add_argument(
         "--zip",
@@ -57,14 +57,15 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="FILE",
-        help="Kiriko's zips for the farm's platforms (this one, packed)",
+        help="Kiriko's zips for the farm's platforms (default: this installation, zipped)",
     )
     job.set_defaults(run=write_job)
 
     join = verbs.add_parser(
         "join",
         parents=[shared],
-        help="see that all images of a job are there, whole and of one size, and join their logs",
+        help="check that all images of a job exist, are complete and have the same size, and merge"
+        " their logs",
     )
     _add_form(join)
     join.add_argument("--frames", metavar="LIST", help="the job's frames")
@@ -76,7 +77,10 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
 
 def _add_form(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--format", choices=image_io.FORMATS, default="PNG8", help="of the images (PNG8)"
+        "--format",
+        choices=image_io.FORMATS,
+        default="PNG8",
+        help="file format of the images (default: PNG8)",
     )
     parser.add_argument(
         "--name",

@@ -198,8 +198,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames",
         metavar="LIST",
-        help="the source images alone of these frames, such as 1-250:2 or 1,5,10-20, or 'scene' for"
-        " the scene's range and step; those that are there stay, unless --overwrite is given",
+        help="only the source images of these frames, such as 1-250:2 or 1,5,10-20, or 'scene' for"
+        " the scene's range and step; existing files stay unless --overwrite is given",
     )
     parser.add_argument(
         "--name",
@@ -208,13 +208,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--placeholders",
         action="store_true",
-        help="an empty file for each frame while it is solved, which other processes leave out;"
-        " with --overwrite they also leave out frames replaced since they started",
+        help="create an empty file for each frame while it is solved, so other processes skip this"
+        " frame; with --overwrite they also skip frames replaced since they started",
     )
     parser.add_argument(
         "--log",
         metavar="PART",
-        help="a log of its own for this process, which 'join' puts together with the others",
+        help="write a separate log for this process, which 'join' merges with the others",
     )
 
     parser.add_argument(

@@ -54,8 +54,8 @@ def test_of_several_scenes_with_a_rig_none_is_guessed(scene, run, tmp_path, caps
     saved_and_opened(tmp_path)
     assert run("solve", "--out", tmp_path / "out") == 1
     assert capsys.readouterr().err == (
-        "kiriko: The scene 'Notes' has no such rig; there is one in 'Bench', 'Table': choose a"
-        " scene by --scene, before --command.\n"
+        "kiriko: The scene 'Notes' has no such rig, but there is one in 'Bench', 'Table': choose a"
+        " scene with --scene, before --command.\n"
     )
     assert not (tmp_path / "out").exists()
     assert run("solve", "--out", tmp_path / "out", "--rig", name) == 0

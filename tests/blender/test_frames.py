@@ -172,7 +172,7 @@ def test_frames_of_an_earlier_scene_are_stale(run, parts, tmp_path, capsys, chan
         scene.kiriko.tolerance *= 2
     is_same = change == "nothing"
     assert run(*words) == (0 if is_same else 1)
-    stale = "Frames of an earlier scene: 3, the first is 1."
+    stale = "Frames from an earlier state of the scene: 3, starting with 1."
     assert (stale in capsys.readouterr().err) != is_same
     assert run("solve", "--out", out, "--frames", "1-3") == 0
     assert (stale in capsys.readouterr().out) != is_same
@@ -180,7 +180,7 @@ def test_frames_of_an_earlier_scene_are_stale(run, parts, tmp_path, capsys, chan
     if not is_same:
         assert run("solve", "--out", out, "--frames", "1-2", "--overwrite") == 0
         assert run(*words) == 1
-        said = "Frames of an earlier scene: 1, the first is 3."
+        said = "Frames from an earlier state of the scene: 1, starting with 3."
         assert said in capsys.readouterr().err
         assert run(*words, "--overwrite") == 0
 

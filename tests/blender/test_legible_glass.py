@@ -77,7 +77,7 @@ def test_a_remedy_is_told_before_a_solve_as_it_was_measured(scene, look, drawn, 
     assert "The picture is hard to recognise: legibility" in scene.kiriko.result.notes
     entry = next(one for one in look() if "hard to recognise" in one.text)
     assert entry.can_wait
-    foretold = float(entry.text.split("raises it to ")[1].split(" %")[0]) / 100
+    foretold = float(entry.text.split("raises the legibility to ")[1].split(" %")[0]) / 100
     assert foretold > 0.7
 
     press(look(), "hard to recognise")
@@ -109,7 +109,9 @@ def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(scene, l
     before = {role: thing.matrix_world.copy() for role, thing in parts.items()}
 
     entry = next(one for one in look() if "hard to recognise" in one.text)
-    foretold = float(entry.text.split("Move to Glass raises it to ")[1].split(" %")[0]) / 100
+    foretold = (
+        float(entry.text.split("Move to Glass raises the legibility to ")[1].split(" %")[0]) / 100
+    )
     (button,) = [one for one in entry.buttons if one.operator == "kiriko.move_to_glass"]
     assert bpy.ops.kiriko.move_to_glass(**dict(button.properties)) == {"FINISHED"}
     bpy.context.view_layer.update()

@@ -511,7 +511,7 @@ def test_a_picture_beside_the_glass_is_told_to_be_moved(scene: bpy.types.Scene) 
     )
     bpy.ops.kiriko.add_rig(picture_size=0.03, viewer_resolution=64)
     text = scene.kiriko.result.summary
-    assert "Most of the picture is next to the glass for the viewer" in text
+    assert "most of the picture is outside the glass" in text
     assert "times as wide" not in text
 
 
@@ -530,13 +530,15 @@ def test_glass_without_a_side_is_told_of_its_gap(scene: bpy.types.Scene, side: i
     bpy.ops.kiriko.add_rig(viewer_resolution=64)
 
     assert scene.kiriko.result.summary.endswith(
-        " wide, shows 0 % of the picture; 100 % passed gaps in the glass. Close the gaps in the"
+        " wide, shows 0 % of the picture; 100 % went through gaps in the glass. Close the gaps in the"
         " glass."
     )
 
     if side > 0:  # where it lands is painted
         bpy.ops.kiriko.solve()
-        text = r"The display shows [01] % of the picture; (99|100) % passed gaps in the glass\."
+        text = (
+            r"The display shows [01] % of the picture; (99|100) % went through gaps in the glass\."
+        )
         assert re.fullmatch(text, scene.kiriko.result.summary)
         return
     with pytest.raises(

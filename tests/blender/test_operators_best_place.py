@@ -80,7 +80,7 @@ def test_a_limit_that_was_reached_is_told(scene, capfd):
     """
     rig = off_rig()
     bpy.ops.kiriko.best_place()
-    words = "It moved to its limit: raise Move up to."
+    words = "It moved as far as allowed: raise 'Move up to'."
     assert words not in capfd.readouterr().out
 
     rig["PICTURE"].location.x += 0.010

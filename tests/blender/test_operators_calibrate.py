@@ -22,11 +22,11 @@ from small_rigs import (
 )
 
 HIDDEN = {
-    "Kiriko Viewer: turn about up": 0.08,
-    "Kiriko Viewer: shift away": 0.6,
-    "Kiriko Plate: turn about right": -0.06,
+    "Kiriko Viewer: turn about the vertical axis": 0.08,
+    "Kiriko Viewer: shift in depth": 0.6,
+    "Kiriko Plate: turn about the horizontal axis": -0.06,
     "Kiriko Display: shift right": 0.4,
-    "Cube: turn about up": 0.2,
+    "Cube: turn about the vertical axis": 0.2,
     "Cube: index": 0.002,
 }
 

@@ -363,5 +363,5 @@ def test_a_rig_that_is_not_there_is_refused(run, two_saved, capsys):
     assert run("solve", "--out", two_saved, "--rig", "Goblet") == 1
     assert "no rig 'Goblet', only 'Kiriko Rig', 'Kiriko Rig.001'" in refusal(capsys)
     assert run("calibrate", "--out", two_saved, "--rig", "all", "--measured", "a.csv") == 2
-    assert "A photograph is of one rig" in refusal(capsys)
+    assert "A photograph shows only one rig" in refusal(capsys)
     assert not two_saved.exists()

@@ -500,7 +500,7 @@ def test_a_camera_shows_the_pixels_it_is_solved_with(drawn, scene):
     viewer.kiriko.use_resolution = False
     shown = drawn("object", "OBJECT_PT_kiriko", viewer)
     assert shown.props == ["use_resolution"]
-    assert shown.texts.count("As the render: 1920 x 1080 px") == 1
+    assert shown.texts.count("Same as the render: 1920 x 1080 px") == 1
 
 
 def test_what_has_no_surface_is_offered_no_role(drawn):

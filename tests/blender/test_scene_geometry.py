@@ -369,7 +369,7 @@ def test_triangles_without_area(read):
     assert mesh.triangles.tolist() == [[0, 1, 2]]
     assert mesh.corner_normals.shape == (1, 3, 3)
     assert mesh.is_smooth.shape == (1,)
-    assert "Kiriko ignores 2 triangles of 'shard' without area." in reading.notes
+    assert "Kiriko ignores 2 zero-area triangles of 'shard'." in reading.notes
 
 
 @pytest.mark.parametrize(

@@ -417,7 +417,9 @@ def test_picture_in_the_viewers_pixels(read, scene):
     reading = read()
     assert reading.rig.picture.mesh is None
     assert reading.rig.picture.name == "render"
-    assert reading.notes == ("The picture plane 'poster' is ignored: the picture is an image.",)
+    assert reading.notes == (
+        "The picture plane 'poster' is ignored, because the viewers have their own images.",
+    )
 
     scene.render.resolution_y = 64
     assert any("'render' (24 x 16 pixels) is stretched" in note for note in read().notes)

@@ -39,7 +39,9 @@ def maker(of, **settings):
 
 def make(folder, of, box_of_heads=TWO_WAYS, tolerance=0.05, **options):
     making_ = making.Making(Session(), of, of.viewer, Settings(), folder, **options)
-    atlas = drain(atlas_plan.planned(making_, box_of_heads, tolerance, 100, False, "set Overwrite"))
+    atlas = drain(
+        atlas_plan.planned(making_, box_of_heads, tolerance, 100, False, "turn on Overwrite")
+    )
     return making_, atlas
 
 
@@ -183,7 +185,7 @@ def test_work_that_was_stopped_goes_on(ball_atlas):
         drain(making.checked(made_of, atlas))
 
     # by the same command: nothing is planned anew
-    again = drain(atlas_plan.planned(made_of, TWO_WAYS, 0.05, 100, False, "set Overwrite"))
+    again = drain(atlas_plan.planned(made_of, TWO_WAYS, 0.05, 100, False, "turn on Overwrite"))
     assert again == atlas
     assert drain(making.made(made_of, again, range(len(again.grid)))) == 1
     assert lost.read_bytes() == before
@@ -195,7 +197,7 @@ def test_index_of_another_rig_is_not_replaced(ball_atlas):
     made_of, _ = ball_atlas
     other = replace(made_of, rig=ball_rig(2, **SMALL))
     with pytest.raises(ImageError, match="an atlas of another rig"):
-        drain(atlas_plan.planned(other, TWO_WAYS, 0.05, 100, False, "set Overwrite"))
+        drain(atlas_plan.planned(other, TWO_WAYS, 0.05, 100, False, "turn on Overwrite"))
     with pytest.raises(RigError, match="planned for"):
         atlas_plan.planned_before(other)
 
@@ -209,8 +211,12 @@ def test_maps_of_another_box_are_not_removed_unasked(tmp_path):
     atlas = drain(atlas_plan.planned(made_of, ASIDE, 9.0, 100, False, ""))
     drain(making.made(made_of, atlas, [0]))
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(ImageError, match=r"another box\. Choose another folder, or set Overwrite"):
-        drain(atlas_plan.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, Message("set Overwrite")))
+    with pytest.raises(
+        ImageError, match=r"other head positions\. Choose another folder, or turn on Overwrite"
+    ):
+        drain(
+            atlas_plan.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, Message("turn on Overwrite"))
+        )
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
     drain(atlas_plan.planned(made_of, TO_THE_RIGHT, 9.0, 100, True, ""))
     assert {path.name for path in tmp_path.iterdir()} == {"index.json"}
@@ -229,7 +235,9 @@ def test_source_images_come_and_stay_beside_the_same_maps(tmp_path):
         of_it = making.Making(
             Session(), source, source.viewer, Settings(), tmp_path, save_image=save, **options
         )
-        steps = atlas_plan.planned(of_it, box_of_heads, tolerance, 100, overwrite, "set Overwrite")
+        steps = atlas_plan.planned(
+            of_it, box_of_heads, tolerance, 100, overwrite, "turn on Overwrite"
+        )
         return of_it, drain(steps)
 
     def save(path, pixels):
@@ -251,7 +259,7 @@ def test_source_images_come_and_stay_beside_the_same_maps(tmp_path):
     other = replace(of, pictures=(replace(picture, image=picture.image * np.float32(0.5)),))
     before = contents(tmp_path)
     for wanted in (True, False):
-        with pytest.raises(ImageError, match="another picture or light"):
+        with pytest.raises(ImageError, match="another picture or other light"):
             plan(other, tolerance=8.0, has_images=wanted)
     with pytest.raises(RigError, match="another rig, picture or light"):
         atlas_plan.planned_before(replace(made_of, rig=other))

@@ -197,7 +197,7 @@ def test_what_no_turn_brings_back(monkeypatch: pytest.MonkeyPatch) -> None:
     found = run_steps(turn_back(rig_around(slab, picture=0.02, display=0.01), plan_of(), 0.3))
     assert not found.does_it
     assert found.brought == 0
-    with pytest.raises(RigError, match="arrives already"):
+    with pytest.raises(RigError, match="already arrives"):
         run_steps(turn_back(rig_around(slab, picture=0.02, display=0.05), plan_of(), 0.3))
 
 

@@ -195,11 +195,11 @@ def dot_luminance(image):
     ("place", "where"),
     [
         ((50, 50), "all around it"),
-        ((95, 50), "most of it right of it"),
-        ((5, 50), "most of it left of it"),
-        ((50, 2), "most of it above it"),
-        ((50, 99), "most of it below it"),
-        ((2, 2), "most of it above and left of it"),
+        ((95, 50), "mostly right of it"),
+        ((5, 50), "mostly left of it"),
+        ((50, 2), "mostly above it"),
+        ((50, 99), "mostly below it"),
+        ((2, 2), "mostly above and left of it"),
     ],
 )
 def test_where_the_glare_is(place, where):
@@ -267,5 +267,5 @@ def test_the_error_of_the_map_is_that_of_the_light_through_the_glass():
 
 @pytest.mark.parametrize("glare", [-0.1, 1.5, np.nan])
 def test_a_weight_that_is_none_is_refused(glare):
-    with pytest.raises(RigError, match=r"has the Suppress Glare .*: set it from 0 to 1"):
+    with pytest.raises(RigError, match=r"Suppress Glare is .* Set it from 0 to 1"):
         solve(ball(), suppress_glare=glare)

@@ -58,11 +58,13 @@ def test_a_bare_plate_moves_the_image_as_a_mirror_does(bare):
     mm = PX / 50
     assert moves(bare, "display: shift right") == pytest.approx(np.tile([mm, 0], (49, 1)), abs=0.01)
     # the display's way away from the viewer is the image's way down
-    assert moves(bare, "display: shift away") == pytest.approx(np.tile([0, -mm], (49, 1)), abs=0.01)
+    assert moves(bare, "display: shift in depth") == pytest.approx(
+        np.tile([0, -mm], (49, 1)), abs=0.01
+    )
 
     # about the viewer's right axis, through the plate's middle: the
     # image's middle, 150 mm away, goes up or down
-    turned = moves(bare, "plate: turn about right")[24]
+    turned = moves(bare, "plate: turn about the horizontal axis")[24]
     assert np.abs(turned) == pytest.approx([0, 2 * np.radians(1) * 150 * mm], rel=0.01, abs=0.6)
 
     # layers crossed wrong by 1 degree turn the image by 2 about the
@@ -79,7 +81,7 @@ def test_a_bare_plate_moves_the_image_as_a_mirror_does(bare):
 
 def test_a_viewer_that_turns_sees_all_turn(bare):
     pixel = 0.05 / PX / 100.0
-    assert moves(bare, "viewer: turn about up")[24] == pytest.approx(
+    assert moves(bare, "viewer: turn about the vertical axis")[24] == pytest.approx(
         [np.radians(1) / pixel, 0], rel=1e-3, abs=0.5
     )
     zoomed = moves(bare, "viewer: focal length")
@@ -207,7 +209,11 @@ def test_another_photograph_tells_more(cube):
     # of a part turned about the line of sight the first
     # photograph tells little, one from the side more
     side = next(extra for extra in extras if "right" in extra.where)
-    (k,) = [k for k, p in enumerate(cube.parameters) if p.name == "plate: turn about right"]
+    (k,) = [
+        k
+        for k, p in enumerate(cube.parameters)
+        if p.name == "plate: turn about the horizontal axis"
+    ]
 
     assert side.errors[k] < 0.7 * found.errors[k]
 
@@ -215,8 +221,8 @@ def test_another_photograph_tells_more(cube):
 def test_amounts_by_name_take_the_picture_along(cube):
     """Where the viewer's own place is off, the wanted dots stay in the same pixels."""
     amounts = {
-        "viewer: turn about up": 0.3,
-        "viewer: shift away": 20.0,
+        "viewer: turn about the vertical axis": 0.3,
+        "viewer: shift in depth": 20.0,
         "viewer: focal length": 2.0,
     }
     planned = cube.rig

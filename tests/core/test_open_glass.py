@@ -119,7 +119,7 @@ def test_the_share_of_light_that_goes_through_a_gap_is_told(share):
     )
     solution = solve(a_rig)
     assert solution.warnings == (note,)
-    assert solution.misses["passed gaps in the glass"] == pytest.approx(found)
+    assert solution.misses["went through gaps in the glass"] == pytest.approx(found)
     assert solution.picture_coverage == pytest.approx(1 - share, abs=0.02)
     assert solution.picture_coverage + sum(solution.misses.values()) == pytest.approx(1)
 

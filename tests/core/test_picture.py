@@ -125,7 +125,7 @@ def test_the_cover_of_all_pixels_is_that_of_each(mesh, projection, size):
         ((0, 0, 0, -3), (1, 0), 0.05, "which is behind the viewer: turn the viewer to it"),
         ((3, 0, 0, 0), (1, 0), 0.05, "which is outside its view: move it into the camera's frame"),
         ((0, 3, 0, 0), (1, 0), 0.05, "which is outside its view: move it into the camera's frame"),
-        ((0, 0, 0, 0), (0, 1), 0.05, "which is seen edge-on: turn it to the viewer"),
+        ((0, 0, 0, 0), (0, 1), 0.05, "which is seen edge-on: turn it towards the viewer"),
         ((3, 0, 0, 0), (0, 1), 0.05, "which is outside its view: move it into the camera's frame"),
         (
             (1e-3, 1e-3, 0, 0),

@@ -258,7 +258,9 @@ def _illegible(seen: Inspection) -> Entry:
     for help in seen.legible_by:
         label, icon = TO_READ[help.operator]
         share = percent(help.after)
-        texts.append(Message("{button} raises it to {share}.", button=label, share=share))
+        texts.append(
+            Message("{button} raises the legibility to {share}.", button=label, share=share)
+        )
         each = [(("take", True),)]
         if help.part:
             names = (thing.named for thing in seen.things if thing.named.name == help.part)

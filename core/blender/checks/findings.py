@@ -174,8 +174,8 @@ SHAPE = (
         Finding(
             is_turned,
             lambda thing: Message(
-                "'{name}' has {n} flipped face{s}. Cycles renders them wrongly, and Kiriko too if"
-                " they are smooth.",
+                "'{name}' has {n} flipped face{s}. Cycles renders them wrongly, and so does Kiriko"
+                " if they are smooth.",
                 **_counted(thing.own_faults.n_turned or thing.faults.n_turned, thing),
             ),
             (turn_out,),

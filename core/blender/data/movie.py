@@ -90,8 +90,8 @@ def check(name: str, size: tuple[int, int]) -> None:
             if not (size[0] % CODECS[other].across or size[1] % CODECS[other].down)
         ]
         raise ImageError(
-            "{codec} needs even sides, not {width} x {height} pixels. Choose {others}, or change"
-            " the display's resolution.",
+            "{codec} cannot encode the odd size {width} x {height} pixels. Choose {others}, or"
+            " change the display's resolution.",
             codec=codec.label,
             width=size[0],
             height=size[1],

@@ -88,7 +88,7 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
     if things and not found:
         thing, why = next(iter(reasons.items()))
         raise RigError(
-            "'{name}' cannot be glass: {why}. Select your glass, or nothing for a ball.",
+            "'{name}' cannot be glass: {why}. Select your glass, or select nothing to add a ball.",
             name=thing.name,
             why=why,
         )

@@ -77,7 +77,7 @@ def register() -> None:
     KirikoViewer.camera = PointerProperty(
         name="Camera",
         translation_context=CONTEXT,
-        description="Camera of this viewer; the rig's viewer if the first entry is empty",
+        description="Camera of this viewer; if the first entry is empty, the rig's viewer is used",
         type=bpy.types.Object,
         poll=is_camera,
         override=overridden.OVERRIDE,

@@ -221,7 +221,7 @@ class KirikoObject(bpy.types.PropertyGroup):
     display: PointerProperty(type=KirikoDisplay)
     surface: EnumProperty(
         name="Surface",
-        description="Surface of smooth-shaded faces, as light meets it",
+        description="Shape of smooth-shaded faces that the light meets",
         items=SURFACES,
         default="AUTOMATIC",
     )

@@ -36,7 +36,7 @@ GHOSTS = (
     (
         "STRONGEST",
         "Strongest Path",
-        "Colour for the place with the largest view of the pixel; sharp there, wrong elsewhere",
+        "Colour for the place where the pixel appears largest; sharp there, wrong elsewhere",
     ),
 )
 DISAGREEMENTS = (
@@ -53,9 +53,9 @@ DISAGREEMENTS = (
     ),
 )
 CODECS = (
-    ("H264", "H.264", "Plays everywhere; needs even sides"),
-    ("H265", "H.265", "Half the size, for newer players; needs even sides"),
-    ("AV1", "AV1", "As small as H.265, free of licences; needs even sides"),
+    ("H264", "H.264", "Plays everywhere; needs an even width and height"),
+    ("H265", "H.265", "Half the size, for newer players; needs an even width and height"),
+    ("AV1", "AV1", "As small as H.265, royalty-free; needs an even width and height"),
     ("PRORES", "ProRes", "For editing: large, 10 bit"),
     ("FFV1", "FFV1", "Lossless"),
 )
@@ -147,7 +147,7 @@ class KirikoRig(bpy.types.PropertyGroup):
     )
     only_through_plate: BoolProperty(
         name="Only Through Plate",
-        description="Use only rays through a plate; without effect in a rig without a plate",
+        description="Use only rays through a plate; has no effect in a rig without a plate",
         default=True,
     )
     suppress_glare: FloatProperty(
@@ -206,13 +206,14 @@ class KirikoRig(bpy.types.PropertyGroup):
     )
     animation_anew: BoolProperty(
         name="Solve Again",
-        description="Solve frames again whose files exist; otherwise they are skipped, so a"
-        " stopped run continues",
+        description="Solve frames again even if their files exist; otherwise they are skipped, so"
+        " a stopped run continues",
         default=False,
     )
     animation_placeholders: BoolProperty(
         name="Placeholders",
-        description="Create an empty file for each frame being solved, so other machines skip it",
+        description="Create an empty file for each frame while it is solved, so other machines"
+        " skip this frame",
         default=False,
     )
     movie_path: StringProperty(

@@ -193,8 +193,8 @@ def shown_image(part: WorldPart) -> tuple[bpy.types.Image, Timing | None, list[s
     elif texture is not None:
         notes.append(
             Message(
-                "'{name}' shows '{shown}', but '{image}' is solved. Choose '{image}' again in the"
-                " Kiriko tab to show it.",
+                "'{name}' shows '{shown}', but Kiriko solves for '{image}'. Choose '{image}' again"
+                " in the Kiriko tab to show it.",
                 name=name,
                 shown=texture.image.name,
                 image=image.name,

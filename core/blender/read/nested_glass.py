@@ -152,7 +152,8 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
         found.append(Interface(next(iter(ratios[k]), None), side < 0))
 
     return found, [
-        Message("The preview is not comparable: {why}.", why=reason) for reason in reasons
+        Message("The preview differs from Kiriko's result: {why}.", why=reason)
+        for reason in reasons
     ]
 
 

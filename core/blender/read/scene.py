@@ -338,7 +338,10 @@ def _read_image(
     """The picture in the viewers' own pixels, with notes, also on ignored planes."""
     pictures, notes = read_viewer_image(scene, seats_of(scene), viewers, cache)
     unused = [
-        Message("The picture plane '{name}' is ignored: the picture is an image.", name=part.name)
+        Message(
+            "The picture plane '{name}' is ignored, because the viewers have their own images.",
+            name=part.name,
+        )
         for part in planes
     ]
     return pictures, notes + unused

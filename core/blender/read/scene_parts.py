@@ -265,7 +265,7 @@ def notes_on_parts(
     ]
     notes += [
         Message(
-            "Kiriko ignores {n} triangle{s} of '{name}' without area.",
+            "Kiriko ignores {n} zero-area triangle{s} of '{name}'.",
             name=part.name,
             n=part.n_dropped,
             s="s" if part.n_dropped > 1 else "",

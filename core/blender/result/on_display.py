@@ -28,8 +28,8 @@ def _has_no_place(display: bpy.types.Object, name: str) -> str:
     """Why a display cannot have a material; '' if it can."""
     if display.data is None or not hasattr(display.data, "materials"):
         return Message(
-            "'{display}' has no material of its own. Give the image '{image}' to the object it"
-            " shows.",
+            "'{display}' has no material of its own. Assign the image '{image}' to the object it"
+            " instances.",
             display=display.name,
             image=name,
         )

@@ -284,7 +284,8 @@ def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, 
     absent = missing(making.folder, atlas)
     if absent:
         raise ImageError(
-            "{n} of {of} maps are missing in the atlas '{folder}', first {name}. Make them first.",
+            "{n} of {of} maps are missing in the atlas '{folder}', starting with {name}. Make"
+            " them, then check the atlas.",
             n=len(absent),
             of=len(atlas.grid),
             folder=making.folder,
@@ -418,8 +419,8 @@ def planned(
     else:
         if _has_places_of_another_box(making.folder, before, box) and not overwrite:
             raise ImageError(
-                "The folder '{folder}' has an atlas of another box. Choose another folder, or"
-                " {remedy}.",
+                "The folder '{folder}' has an atlas for other head positions. Choose another"
+                " folder, or {remedy}.",
                 folder=making.folder,
                 remedy=remedy,
             )
@@ -447,8 +448,8 @@ def _image_key(making: Making, before: Atlas | None, overwrite: bool, remedy: st
             return making.image_key
         if not overwrite:
             raise ImageError(
-                "The folder '{folder}' has source images of another picture or light. Choose"
-                " another folder, or {remedy}.",
+                "The folder '{folder}' has source images for another picture or other light"
+                " settings. Choose another folder, or {remedy}.",
                 folder=making.folder,
                 remedy=remedy,
             )

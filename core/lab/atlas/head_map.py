@@ -278,7 +278,7 @@ def too_coarse(n: int, off: float, most: int) -> RigError:
     """Error for a grid of `n` positions that is `off` px off and cannot be refined."""
     return RigError(
         "With {n} head positions, blended maps are {off:.3g} px off. Set a larger tolerance, a"
-        " smaller box, or more than {most} positions (chaotic light never has enough).",
+        " smaller box, or more than {most} positions (for chaotic light, no number is enough).",
         n=n,
         off=off,
         most=most,

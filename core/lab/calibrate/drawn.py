@@ -101,8 +101,8 @@ class Lattice:
 
         if room < (DRAWING.mark if style == "dots" else 5 * DRAWING.line) * spacing:
             raise ImageError(
-                "A margin of {margin:g} would cut the outer points. Set half a spacing,"
-                " {half:.2g}.",
+                "A margin of {margin:g} would cut the outer points. Set it to half a spacing"
+                " ({half:.2g}).",
                 margin=self.margin,
                 half=0.5 / min(self.columns, self.rows),
             )

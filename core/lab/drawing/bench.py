@@ -466,14 +466,15 @@ def _explained(viewer: Viewer, datum: Datum) -> tuple[str, ...]:
     forward, right, up = map(decimal, MM * eye)
     return (
         Message(
-            "Measured from the {datum} (+). Forward is horizontal, in the viewer's direction of"
-            " view; right is the viewer's right. Sizes of glass are forward, right, up.",
+            "Measured from the {datum} (+). Forward is horizontal, in the viewer's viewing"
+            " direction; right is the viewer's right. Glass sizes are listed as forward, right,"
+            " up.",
             datum=datum.name,
         ),
         Message(
-            "Tilt is to the horizontal. Azimuth is of the part's front, from forward to the right."
-            " Viewer '{viewer}' (eye, dash-dotted line): forward {forward}, right {right}, up"
-            " {up}.",
+            "Tilt is measured from the horizontal. Azimuth is the direction of the part's front,"
+            " measured from forward towards the right. Viewer '{viewer}' (eye, dash-dotted line):"
+            " forward {forward}, right {right}, up {up}.",
             viewer=viewer.name,
             forward=forward,
             right=right,

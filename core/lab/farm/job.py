@@ -119,7 +119,8 @@ def refuse_braces(*texts: str) -> None:
     for text in texts:
         if "{{" in text:
             raise RigError(
-                "The name '{text}' has two braces, which mark a parameter in a job. Rename it.",
+                "The name '{text}' contains double braces, which mark a parameter in a job. Rename"
+                " it.",
                 text=text,
             )
 
@@ -193,7 +194,7 @@ def files(blend: str) -> list[dict[str, Any]]:
             "name": "Blender",
             "type": "STRING",
             "default": "blender",
-            "description": "The program, as workers find it",
+            "description": "Path of Blender on the workers",
         },
     ]
 
@@ -328,7 +329,7 @@ class AtlasJob:
             "default": self.shares,
             "minValue": 1,
             "maxValue": MOST,
-            "description": "Tasks that share the places of the head",
+            "description": "Number of tasks for the head positions",
         }
         return whole(self.name, [*files(self.blend), shares], steps)
 

@@ -138,8 +138,8 @@ def statement(found: WorkPrecision) -> tuple[str, ...]:
         f" holes.",
         f"Reference: a solve at {found.reference.setting:g} px, {finer:.3g} times finer than the"
         f" finest rung, with {found.times_finer} times finer display pixels each way, averaged.",
-        "Seen: PSNR against what is seen of the reference (the reference's: against the ideal"
-        " image); dots of the lattice against the ideal image.",
+        "Seen: PSNR of the seen image against the reference's seen image (for the reference:"
+        " against the ideal image). Dots: positions of the lattice's dots against the ideal image.",
         "Seconds: from the plan (ray engine built) to the source image; the splat makes no"
         " estimate of its error.",
     )
@@ -202,8 +202,8 @@ def table(found: WorkPrecision) -> str:
     lines += [f"  {part:<20} {'not measured' if s is None else f'{s:.4f}'}" for part, s in times]
     lines += [
         "",
-        "Ghosts and Suppress Glare, PSNR of all that is seen, light beside the glass"
-        " too, against the ideal:",
+        "Ghosts and Suppress Glare: PSNR of the full view, with light past the glass, against the"
+        " ideal image:",
     ]
 
     for ghosts, glare, seen in found.choices:

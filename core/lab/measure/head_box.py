@@ -171,8 +171,8 @@ def _spanned(rig: Rig) -> tuple[Viewer, HeadBox]:
     low[is_flat] = high[is_flat] = ((low + high) / 2)[is_flat]
     if is_flat.all():
         raise RigError(
-            "The viewers are all at one position, so they span no box. Add others by Two Eyes or"
-            " Grid."
+            "The viewers are all at the same position, so they do not span a box. Add others with"
+            " Two Eyes or Grid."
         )
     return own, HeadBox(tuple(low.tolist()), tuple(high.tolist()))
 

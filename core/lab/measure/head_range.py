@@ -346,7 +346,7 @@ def as_svg(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> str:
         rows = (
             ("off by (arcmin)", ("largest_arcmin", "mean_arcmin")),
             ("off by (px)", ("largest_px", "mean_px")),
-            ("share of points that is seen", ("coverage",)),
+            ("fraction of points seen", ("coverage",)),
         )
         column = []
         for label, fields in rows:

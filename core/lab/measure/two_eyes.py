@@ -354,10 +354,10 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
     width = GAP + len(WAYS) * (WIDTH + GAP)
     height = TOP + 3 * (size[1] + HEAD + GAP)
     title = (
-        "Two eyes, over the picture. Above, arcmin: arrows up where the left eye sees a point"
-        " higher than the right eye does.",
-        "Middle, arcmin: arrows to the right where they converge more than for the picture's plane."
-        " Below, mm: full discs before that plane, rings behind it.",
+        "Two eyes, over the picture. Above, arcmin: arrows point up where the left eye sees a"
+        " point higher than the right eye does.",
+        "Middle, arcmin: arrows point right where the eyes converge more than for the picture's"
+        " plane. Below, mm: filled discs in front of this plane, rings behind it.",
     )
     titles = [text_at((GAP, 26 + 20 * n), line, size=15) for n, line in enumerate(title)]
     return document((round(width), round(height)), f'font-family="{FONT}"', [*titles, *parts])

@@ -784,7 +784,7 @@ def fibre(quick: bool) -> Rows:
         projection="orthographic",
         pixels=16,
     )
-    yield refused(a_rig, "needs more than Max Events")
+    yield refused(a_rig, "meets more surfaces than Max Events")
 
 
 @case("rig", "viewer inside the glass, or behind the plate")
