@@ -530,8 +530,8 @@ def test_glass_without_a_side_is_told_of_its_gap(scene: bpy.types.Scene, side: i
     bpy.ops.kiriko.add_rig(viewer_resolution=64)
 
     assert scene.kiriko.result.summary.endswith(
-        " wide, shows 0 % of the picture; 100 % went through gaps in the glass. Close the gaps in the"
-        " glass."
+        " wide, shows 0 % of the picture; 100 % went through gaps in the glass. Close the gaps in"
+        " the glass."
     )
 
     if side > 0:  # where it lands is painted
