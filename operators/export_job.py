@@ -268,7 +268,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
     )
     chunk: bpy.props.IntProperty(
         name="Frames a Task",
-        description="Frames solved in each start of Blender",
+        description="Frames solved per launch of Blender",
         default=CHUNK,
         min=1,
         soft_max=1000,
@@ -375,7 +375,7 @@ def _check_whole(made: Path, path: Path) -> None:
             pass  # the description of the data is at the file's end
     except OSError:
         raise ImageError(
-            "The copy '{file}' cannot be written as a whole: the disk may be full, free some of it"
-            " or choose another folder.",
+            "The copy '{file}' cannot be written completely. The disk may be full: free some"
+            " space, or choose another folder.",
             file=path,
         ) from None
