@@ -83,7 +83,7 @@ def test_viewers_are_tasks_of_one_alone() -> None:
         ({"frames": ",".join(str(n * n) for n in range(1, 300))}, "characters, more than"),
         ({"values": VALUES}, "both a property and its values"),
         ({"path": "kiriko.tolerance"}, r"both a property and its values"),
-        ({"blend": "{{a}}.blend"}, "two braces"),
+        ({"blend": "{{a}}.blend"}, "double braces"),
         (
             {"path": "a", "values": tuple(TaskChoice(str(n), str(n)) for n in range(1025))},
             "1025 values",
@@ -146,7 +146,7 @@ def test_atlas_is_planned_shared_halved_and_joined() -> None:
     [
         ({"shares": 0}, "Tasks is 0. Set it from 1 to 1024"),
         ({"shares": 1025}, "Tasks is 1025. Set it from 1 to 1024"),
-        ({"name": "{{a}}"}, "two braces"),
+        ({"name": "{{a}}"}, "double braces"),
     ],
 )
 def test_atlas_jobs_that_no_scheduler_takes_are_refused(change: dict, said: str) -> None:
