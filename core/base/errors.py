@@ -55,9 +55,9 @@ def out_of_range(
     text = value if isinstance(value, str) else f"{value:g}"
     values = {"owner": owner, "name": as_message(label), "value": text, "least": least}
     if most is None:
-        return RigError("{owner}: {name} is {value}. Set it above {least:g}.", **values)
+        return RigError("{owner} has {name} {value}: set it above {least:g}.", **values)
     return RigError(
-        "{owner}: {name} is {value}. Set it from {least:g} to {most:g}.", **values, most=most
+        "{owner} has {name} {value}: set it from {least:g} to {most:g}.", **values, most=most
     )
 
 

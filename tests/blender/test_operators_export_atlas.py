@@ -164,7 +164,7 @@ def test_mistakes_are_one_sentence(scene, tmp_path, run, capsys):
         ((), 1, "The head does not move"),
         (("--right", 20, -20), 1, "range from 20 to -20 mm"),
         (("--forward", 0, 1e6), 1, "or behind it"),
-        (("--right", 0, 20, "--tolerance", 0), 1, "Set it above 0"),
+        (("--right", 0, 20, "--tolerance", 0), 1, "set it above 0"),
         (("--right", 0, 20, "--most", 1), 1, "1 head positions are too few. Set 2 or more"),
         (("--places", "0"), 2, "--places"),
         (("--places", "5-3"), 2, "--places"),
@@ -177,9 +177,9 @@ def test_mistakes_are_one_sentence(scene, tmp_path, run, capsys):
         (("--job", 2), 1, "The head does not move"),
         (("--job", 0), 2, "--job"),
         (("--forward", 0, 1e6, "--job", 2), 1, "or behind it"),
-        (("--right", 0, 20, "--tolerance", 0, "--job", 2), 1, "Set it above 0"),
+        (("--right", 0, 20, "--tolerance", 0, "--job", 2), 1, "set it above 0"),
         (("--right", 0, 20, "--most", 1, "--job", 2), 1, "Set 2 or more"),
-        (("--right", 0, 20, "--job", 2000), 1, "Tasks is 2000. Set it from 1 to 1024"),
+        (("--right", 0, 20, "--job", 2000), 1, "Tasks 2000: set it from 1 to 1024"),
     ):
         assert run(*out, *given) == code, given
         told = capsys.readouterr().err

@@ -252,5 +252,5 @@ def test_command_writes_maps_and_prints_the_one_for_ffmpeg(scene, tmp_path, caps
     assert run(["maps", *out, "--formats", "data"]) == 1
     assert "add --overwrite" in capsys.readouterr().err
     assert run(["maps", *out, "--overscan", "-1"]) == 1
-    assert "Overscan is -1 %. Set it from 0 to 100." in capsys.readouterr().err
+    assert "Overscan -1 %: set it from 0 to 100." in capsys.readouterr().err
     assert run(["maps", *out, "--formats", "gif"]) == 2

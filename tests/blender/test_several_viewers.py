@@ -322,8 +322,8 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         unlink,
         "The viewer 'mine' is not in any scene",
     ),
-    "0": (lambda: weigh(0), "The viewer 'mine': Weight is 0. Set it above 0"),
-    "-1": (lambda: weigh(-1), "The viewer 'mine': Weight is -1. Set it above 0"),
+    "0": (lambda: weigh(0), "The viewer 'mine' has Weight 0: set it above 0"),
+    "-1": (lambda: weigh(-1), "The viewer 'mine' has Weight -1: set it above 0"),
     "all off": (lambda: off(0, 1), "All viewers are off. Turn one on"),
     "both sides": (
         lambda: setattr(bpy.data.objects["mine"], "location", (0, 2, -2)),

@@ -144,8 +144,8 @@ def test_atlas_is_planned_shared_halved_and_joined() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"shares": 0}, "Tasks is 0. Set it from 1 to 1024"),
-        ({"shares": 1025}, "Tasks is 1025. Set it from 1 to 1024"),
+        ({"shares": 0}, "Tasks 0: set it from 1 to 1024"),
+        ({"shares": 1025}, "Tasks 1025: set it from 1 to 1024"),
         ({"name": "{{a}}"}, "double braces"),
     ],
 )

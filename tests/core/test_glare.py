@@ -267,5 +267,5 @@ def test_the_error_of_the_map_is_that_of_the_light_through_the_glass():
 
 @pytest.mark.parametrize("glare", [-0.1, 1.5, np.nan])
 def test_a_weight_that_is_none_is_refused(glare):
-    with pytest.raises(RigError, match=r"Suppress Glare is .* Set it from 0 to 1"):
+    with pytest.raises(RigError, match=r"has Suppress Glare .*: set it from 0 to 1"):
         solve(ball(), suppress_glare=glare)

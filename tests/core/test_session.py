@@ -417,7 +417,7 @@ BAD = {
     "index 0": (
         lambda: replace(small(), glasses=(replace(small().glasses[0], ior=ConstantIndex(0.0)),)),
         RigError,
-        "IOR is 0. Set it above 0",
+        "has IOR 0: set it above 0",
     ),
     "viewer inside": (lambda: rig(box([3, 3, 3])), RigError, "inside the glass"),
     "plate not reached": (lambda: moved_away("plates"), RigError, "no ray reaches the plate"),
@@ -718,7 +718,7 @@ def test_a_tolerance_that_cannot_be_kept_is_refused(tolerance):
     kept = Session()
     a_rig = small()
     solve(a_rig, kept)
-    with pytest.raises(RigError, match=r"^The rig: Tolerance is .* Set it from 1e-06 to 100\.$"):
+    with pytest.raises(RigError, match=r"^The rig has Tolerance .*: set it from 1e-06 to 100\.$"):
         solve(a_rig, kept, tolerance=tolerance)
     assert solve(a_rig, kept).n_rays == 0
 

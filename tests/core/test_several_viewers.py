@@ -317,9 +317,9 @@ BAD = {
         lambda a, b: (a, replace(b, name=a.name)),
         "2 viewers are named 'left': rename or remove all but one",
     ),
-    "0": (lambda a, b: (a, replace(b, weight=0.0)), "'right': Weight is 0. Set it above 0"),
-    "-1": (lambda a, b: (replace(a, weight=-1.0), b), "'left': Weight is -1. Set it above 0"),
-    "nan": (lambda a, b: (a, replace(b, weight=np.nan)), "Weight is nan. Set it above 0"),
+    "0": (lambda a, b: (a, replace(b, weight=0.0)), "'right' has Weight 0: set it above 0"),
+    "-1": (lambda a, b: (replace(a, weight=-1.0), b), "'left' has Weight -1: set it above 0"),
+    "nan": (lambda a, b: (a, replace(b, weight=np.nan)), "has Weight nan: set it above 0"),
     "behind": (
         lambda a, b: (a, replace(b, position=np.array([0.1, 1.0, -0.5]))),
         "The plate 'plate' is between the viewers '(left|right)' and '(left|right)': move",

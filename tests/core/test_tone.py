@@ -97,5 +97,5 @@ def test_another_black_level_traces_nothing():
 @pytest.mark.parametrize("black_level", [-0.1, 1.0, np.nan])
 def test_a_black_as_light_as_white_is_refused(black_level):
     """In one sentence that names the display."""
-    with pytest.raises(RigError, match=r"The display '.*': Black Level is .* Set it from 0"):
+    with pytest.raises(RigError, match=r"The display '.*' has Black Level .*: set it from 0"):
         run_steps(Session().solve(grey_rig(0.5, black_level), Settings()))
