@@ -85,7 +85,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
             # The dialogue confirmed the first name; the second one follows it.
             is_agreed = self.is_in_dialogue and disk.is_there(path)
             if not (self.overwrite or is_agreed):
-                folder.refuse_existing(path.parent, sheets, Message("set Overwrite"))
+                folder.refuse_existing(path.parent, sheets, Message("turn on Overwrite"))
 
             with folder.made(path.parent):
                 write(path.parent, sheets)

@@ -416,7 +416,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         target = absolute(self.directory)
         box = self._box(context)
         overwrite = self.overwrite
-        remedy = Message("set Overwrite")
+        remedy = Message("turn on Overwrite")
         with folder.made(target):
             making = making_of(context, target, self.images)
             if self.job:

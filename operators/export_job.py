@@ -330,7 +330,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
             check_rigs(context, job)
 
             with folder.made(target):
-                names = write(target, job, [], self.overwrite, Message("set Overwrite"))
+                names = write(target, job, [], self.overwrite, Message("turn on Overwrite"))
             reporting.report(self, "INFO", bundle_report(names, target))
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -272,7 +272,7 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
         options = self._options()
         with folder.made(target):
             about = yield from exported(
-                context, target, options, self.overwrite, Message("set Overwrite")
+                context, target, options, self.overwrite, Message("turn on Overwrite")
             )
 
         text = Message(

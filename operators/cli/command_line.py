@@ -172,7 +172,7 @@ def _add_maps(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser
         type=float,
         default=MapOptions.overscan,
         metavar="PERCENT",
-        help="extra width and height of the images at each side of the picture (0)",
+        help="margin by which images exceed the picture at each side (default: 0)",
     )
     maps.add_argument(
         "--times",

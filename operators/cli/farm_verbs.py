@@ -31,7 +31,7 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
     job.add_argument(
         "--frames",
         metavar="LIST",
-        help="such as 1-250:2 or 1,5,10-20, or 'scene'; without it the scene at its current frame",
+        help="frames, such as 1-250:2 or 1,5,10-20, or 'scene' (default: the current frame)",
     )
     job.add_argument(
         "--chunk", type=int, metavar="N", help=f"frames for a task ({export_job.CHUNK})"
