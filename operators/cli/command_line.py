@@ -243,7 +243,7 @@ def _add_solve(verbs: argparse._SubParsersAction, pictures: argparse.ArgumentPar
         "--pictures",
         default="",
         metavar="FILE",
-        help="one image file per viewer: a path in which {viewer} stands for the camera's name",
+        help="one image file per viewer: a path with {viewer} in place of the camera's name",
     )
     solve.add_argument(
         "--only-viewer",

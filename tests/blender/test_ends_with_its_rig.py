@@ -23,6 +23,7 @@ class Dialogue:
         stand_in = type(name, (), {**own, **values})
         self.it = stand_in()
         self.it.report = lambda _, text: self.reports.append(text)
+        self.it.properties = SimpleNamespace(is_property_set=lambda name: name in values)
 
 
 def in_window(**more: object) -> SimpleNamespace:

@@ -87,7 +87,7 @@ def test_a_remedy_is_told_before_a_solve_as_it_was_measured(scene, look, drawn, 
     kept = loaded("core.blender.data.stored_records")
     legibility = kept.StoredNumbers.read(scene.kiriko.result.details).by_name["legibility"]
     assert legibility == pytest.approx(foretold, abs=0.02)
-    shown = drawn("result_panel", "VIEW3D_PT_kiriko_result").texts
+    shown = drawn("result_panel", "VIEW3D_PT_kiriko_details").texts
     assert [text for text in shown if text.startswith("Legibility: ")]
 
 

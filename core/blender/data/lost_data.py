@@ -57,7 +57,7 @@ def on_lost(lost: Lost, things: Iterable[bpy.types.ID | None]) -> Iterator[tuple
 def refuse_lost(lost: Lost, things: Iterable[bpy.types.ID | None]) -> None:
     """Raise RigError for the first datablock with a missing one."""
     for text, _ in on_lost(lost, things):
-        raise RigError(text)
+        raise RigError(text.template, **text.values)
 
 
 def placeholders_of(scene: bpy.types.Scene) -> list[bpy.types.ID]:

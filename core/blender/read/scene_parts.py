@@ -84,7 +84,8 @@ def read_part(
     shape = cache.shape(instance, owner)
     matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
     if has_no_place(instance.matrix_world):
-        raise RigError(on_no_place(owner.name))
+        text = on_no_place(owner.name)
+        raise RigError(text.template, **text.values)
     mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
 
     return WorldPart(
