@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...base.errors import RigError
-from ...base.messages import Message, as_sentence
+from ...base.messages import Message
 from ...rig.rig import ROLES, Mesh
 from ..data.bodies import check_body, has_no_place, on_no_place
 from ..data.lost_data import find_lost, on_lost, placeholders_of, refuse_lost
@@ -217,7 +217,7 @@ def check_some_are_shown(
     """Raise RigError for the first object of a role whose objects are all hidden."""
     hidden = [(thing, by) for thing, by in unmet.items() if by and thing.kiriko.role == role]
     if hidden and not any(part.role == role for part in parts):
-        raise RigError(as_sentence(hidden_words(*hidden[0])))
+        raise RigError("{reason}.", reason=hidden_words(*hidden[0]))
 
 
 def hidden_words(thing: bpy.types.Object, by: str) -> str:
