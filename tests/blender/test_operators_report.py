@@ -153,7 +153,7 @@ def test_command_writes_the_report_and_prints_the_table(run, rig, tmp_path, caps
 
 def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(run, rig, tmp_path, capsys):
     """Of one viewer its eye box by the limit that is given; of two eyes both, as drawings, too. A
-    picture in the viewer's own pixels is told in a sentence.
+    picture in the viewer's pixels is told in a sentence.
     """
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     one, two, three = (tmp_path / name for name in ("one", "two", "three"))
@@ -198,7 +198,7 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(run, rig, tmp_
     bpy.context.scene.kiriko.viewers.clear()
     capsys.readouterr()
     assert run("eyes", "--out", three) == 1
-    assert "in the viewer's own pixels" in capsys.readouterr().err
+    assert "in the viewer's pixels" in capsys.readouterr().err
     assert not three.exists()
     wrong = {
         "--limit=0": "The limit 0 is no angle",

@@ -156,7 +156,7 @@ def test_places_outside_of_the_view_are_not_on_the_map():
 def test_no_effort_is_refused_and_too_much_of_it_and_parts_of_rays(effort):
     with pytest.raises(
         RigError,
-        match=f"has Effort {effort:g}: set it from 1 to 4096",
+        match=f"Effort is {effort:g}: set a whole number from 1 to 4096",
     ):
         replace(Settings(), effort=effort).check()
 

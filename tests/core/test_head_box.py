@@ -159,7 +159,7 @@ def test_its_data_and_drawing_tell_the_same():
 
 def test_a_box_that_cannot_be_is_refused_in_one_sentence():
     one_place = with_heads(slab_rig(), (1, 1, 1), (0.0, 0.0, 0.0))
-    with pytest.raises(RigError, match="at one position"):
+    with pytest.raises(RigError, match="at the same position"):
         check_box(one_place)
     flat = slab_rig()
     flat = with_heads(flat, (2, 1, 1), (0.1, 0.0, 0.0))
