@@ -70,7 +70,7 @@ def test_file_that_is_there_is_kept(scene, tmp_path):
     small_rig()
     path = tmp_path / "both.png"
     path.write_text("mine")
-    with pytest.raises(RuntimeError, match="exists already"):
+    with pytest.raises(RuntimeError, match="already exists"):
         bpy.ops.kiriko.save_comparison(filepath=str(path))
     assert path.read_text() == "mine"
 

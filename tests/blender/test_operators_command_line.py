@@ -324,7 +324,7 @@ def test_numbers_of_several_that_are_not_there_are_refused(run, saved, capsys):
     assert "can't be 'nan': use another type of value" in refusal(capsys)
     for path in ("objects[Cube].matrix_world[0]", "kiriko.tolerance[0]", "objects[None].hide"):
         assert run("drawing", "--out", saved, "--set", path, "1") == 1
-        assert f"no property '{path}': name it like" in refusal(capsys)
+        assert f"The property '{path}' doesn't exist: name it like" in refusal(capsys)
     assert [*bpy.data.objects["Cube"].location] == [0.0, 0.0, 0.0]
 
 

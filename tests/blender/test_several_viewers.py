@@ -222,7 +222,7 @@ def test_a_grid_before_images_of_the_viewers_own_looks_where_eyes_converge(
     ours().picture_source = "IMAGE"
     viewer.data.stereo.convergence_distance = 0.9
     before = inventory()
-    with pytest.raises(RuntimeError, match="is at its Convergence Plane Distance, or behind it"):
+    with pytest.raises(RuntimeError, match="is at its Convergence Plane Distance or behind it"):
         bpy.ops.kiriko.viewer_grid(heads=(1, 1, 2), box=(0, 0, 5))
     assert (inventory(), listed()) == (before, [])
 
@@ -245,7 +245,7 @@ def test_a_grid_before_images_of_the_viewers_own_looks_where_eyes_converge(
     [
         ({"heads": (1, 1, 1)}, "The grid has 1 heads: set 2 to 1000 in all"),
         ({"heads": (100, 100, 1)}, "The grid has 10000 heads: set 2 to 1000 in all"),
-        ({"heads": (1, 1, 2), "box": (0, 0, 5)}, "is at the picture 'Kiriko Picture', or behind"),
+        ({"heads": (1, 1, 2), "box": (0, 0, 5)}, "is at the picture 'Kiriko Picture' or behind"),
         ({"box": (float("nan"), 0, 0)}, "The grid measures nan x 0 x 0 m: set three lengths"),
         (
             {"box": (0.1, float("inf"), 0)},
@@ -505,7 +505,7 @@ def test_two_that_are_no_pair_are_told_so_in_a_report(
     found = steps.run_steps(module.find_extras(bpy.context, read(kiriko)))
     assert list(found.numbers) == ["missing"]  # the turned one does not see the picture, either
     assert list(found.numbers["missing"]) == ["two_eyes", "viewers"]
-    assert "direction" in found.numbers["missing"]["two_eyes"]
+    assert "not a pair of eyes" in found.numbers["missing"]["two_eyes"]
 
     bpy.ops.kiriko.two_eyes()
     found = steps.run_steps(module.find_extras(bpy.context, read(kiriko)))
@@ -531,7 +531,7 @@ def test_two_that_are_no_pair_are_told_why_in_words(
     add(above)
 
     def refused() -> str:
-        with pytest.raises(errors.RigError, match="do not stand side by side") as error:
+        with pytest.raises(errors.RigError, match="are not a pair of eyes") as error:
             two_eyes.pair_of(read(kiriko))
         return str(error.value)
 
@@ -590,7 +590,7 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     assert told["largest_vertical_arcmin"] == pytest.approx(fine.largest_vertical, rel=0.01)
 
     text = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts)
-    assert f"{1e3 * told['mean_depth_m']:.3g} mm in front of its plane on the mean" in text
+    assert f"{1e3 * told['mean_depth_m']:.3g} mm in front of its plane on average" in text
     assert "Vertical disparity" in text
     for largest, is_warned in ((14.9, False), (15.0, True)):
         changed = {**details(), "two_eyes": {**told, "largest_vertical_arcmin": largest}}
@@ -791,7 +791,7 @@ def test_the_command_line_writes_what_each_sees(
     assert not (one / "seen_Kiriko_Viewer.png").exists()
     capsys.readouterr()
     assert run("solve", "--out", tmp_path / "none", "--viewers", "nobody") == 1
-    told = "The rig has no viewer 'nobody': there are 'Kiriko Viewer', 'mine'."
+    told = "The rig has no viewer 'nobody', only 'Kiriko Viewer', 'mine'."
     assert told in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
 
