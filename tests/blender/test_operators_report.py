@@ -201,10 +201,10 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(run, rig, tmp_
     assert "in the viewer's pixels" in capsys.readouterr().err
     assert not three.exists()
     wrong = {
-        "--limit=0": "The limit 0 is no angle",
-        "--limit=inf": "The limit inf is no angle",
-        "--share=1.5": "The share 1.5 is none",
-        "--share=nan": "The share nan is none",
+        "--limit=0": "Limit 0: set it above 0",
+        "--limit=inf": "Limit inf: set it above 0",
+        "--share=1.5": "Share 1.5: set it from 0 to 1",
+        "--share=nan": "Share nan: set it from 0 to 1",
     }
     for option, why in wrong.items():
         assert run("eyes", "--out", three, option) == 2

@@ -416,7 +416,7 @@ def test_a_part_in_no_rig_is_told_before_a_second_one(scene: bpy.types.Scene) ->
 
 def test_an_unknown_rig_is_refused_with_those_that_are_there(scene: bpy.types.Scene) -> None:
     two()
-    words = "no rig 'Other': there are 'Kiriko Rig', 'Kiriko Rig.001'"
+    words = "no rig 'Other', only 'Kiriko Rig', 'Kiriko Rig.001'"
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.choose_rig(rig="Other")
 

@@ -94,7 +94,7 @@ def test_a_rig_goes_on_without_its_collection(kiriko: ModuleType, scene: bpy.typ
     assert roles(kiriko) == before
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
-    with pytest.raises(RuntimeError, match="The scene has a display already"):
+    with pytest.raises(RuntimeError, match="The scene already has a display"):
         add(gem())
     assert len(things) == 5
 
