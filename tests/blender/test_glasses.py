@@ -65,7 +65,9 @@ def test_a_wine_glass_is_followed_as_well_as_by_the_better_choice(monkeypatch):
     # plan is the last one's
     (remark,) = _on_doubted(plan.rig, plan)
 
-    assert remark.text.startswith("The mesh of 'glass' is too irregular or coarse to be curved:")
+    assert remark.text.startswith(
+        "The mesh of 'glass' is too irregular or coarse for a curved surface:"
+    )
     shares = plan.counts.n_doubted[0], plan.counts.n_curved[0]
 
     assert 0.1 < shares[1] / sum(shares) < 0.5

@@ -461,13 +461,15 @@ def test_pictures_without_pixels(read, scene, errors, tmp_path):
     plane = add_plane(None)
     render(scene, tmp_path)
     plane.kiriko.image = bpy.data.images["Render Result"]
-    words = r"'Render Result' exists only in .* Save it there \(Image > Save As\) and choose the"
+    words = r"'Render Result' of the picture 'poster' exists only in .* Save it there \(Image > Save As\) and choose the"
     with pytest.raises(errors.ImageError, match=words):
         read()
     scene.kiriko.picture_source = "IMAGE"
     scene.kiriko.picture_image = plane.kiriko.image
 
-    with pytest.raises(errors.ImageError, match="'Render Result' exists only in"):
+    with pytest.raises(
+        errors.ImageError, match="'Render Result' of the picture 'poster' exists only in"
+    ):
         read()
 
     scene.kiriko.picture_source = "PLANE"
