@@ -162,7 +162,7 @@ def test_files_that_are_there_are_kept(scene, tmp_path):
     small_rig()
     taken = tmp_path / "view.exr"
     taken.write_text("mine")
-    with pytest.raises(RuntimeError, match=r"has view\.exr already: choose another or set"):
+    with pytest.raises(RuntimeError, match=r"has view\.exr already: choose another or turn on"):
         bpy.ops.kiriko.export_maps(directory=str(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["view.exr"]
     assert taken.read_text() == "mine"

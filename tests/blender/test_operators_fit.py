@@ -116,7 +116,7 @@ def test_what_is_held_says_so(scene):
     display = rig["DISPLAY"]
     before = corners(display)
     display.lock_scale[0] = True
-    with pytest.raises(RuntimeError, match="'Kiriko Display' keeps its size: its scale is"):
+    with pytest.raises(RuntimeError, match="'Kiriko Display' keeps its size: its transform is"):
         bpy.ops.kiriko.fit_display()
     display.lock_scale[0] = False
     constraint = display.constraints.new("LIMIT_SCALE")
