@@ -268,7 +268,7 @@ def test_touching_solids_are_said_to_be_not_comparable(core, gap, is_noted):
         core.blender.read.scene.read(bpy.context).rig.glasses
     )
     assert bool(notes) == is_noted
-    assert all("not comparable" in note and "'Block' and 'Cube'" in note for note in notes)
+    assert all("differs from Kiriko" in note and "'Block' and 'Cube'" in note for note in notes)
 
 
 def test_preview_shows_the_picture(scene, core):

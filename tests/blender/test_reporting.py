@@ -19,7 +19,7 @@ def reporting(kiriko, monkeypatch) -> ModuleType:
     """Module operators.reporting, for people who read German."""
     module = loaded("operators.reporting")
 
-    def in_german(text: str, context: str) -> str:
+    def in_german(text: str, context: str = "") -> str:
         return GERMAN.get(text, text)
 
     stand_in = SimpleNamespace(pgettext_iface=in_german, pgettext_rpt=in_german)
