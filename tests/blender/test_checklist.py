@@ -13,7 +13,6 @@ import bpy
 import numpy as np
 import pytest
 
-from extension import loaded
 from panel_layout import Layout, told
 from small_rigs import SIDE, cube, new_object, pixels, primitive, small_rig
 
@@ -89,22 +88,6 @@ def test_opaque_glass_is_made_glass(look: Callable[[], list]) -> None:
     press(look(), "The material of 'Cube' isn't glass.")
     assert parts["GLASS"].material_slots[0].material.name == "Kiriko Glass"
     assert told(look()) == []
-
-
-def test_glass_around_the_viewer_is_reported_before_solve_refuses_it(
-    look: Callable[[], list], drawn: Callable[..., Layout]
-) -> None:
-    """Glass that is scaled by 1000 encloses the viewer; the panel is not ready then."""
-    glass = small_rig()["GLASS"]
-    glass.scale = (1000, 1000, 1000)
-    bpy.context.view_layer.update()
-    words = f"The viewer 'Kiriko Viewer' is inside the glass '{glass.name}': move it out."
-    assert words in told(look())
-    texts = drawn("main_panel", "VIEW3D_PT_kiriko_main").texts
-    assert not [text for text in texts if text.startswith("Ready")]
-    glass.scale = (1, 1, 1)
-    bpy.context.view_layer.update()
-    assert words not in told(look())
 
 
 def test_glass_of_two_metres_is_twenty_millimetres(look: Callable[[], list]) -> None:
@@ -911,34 +894,3 @@ def test_a_button_that_mends_two_losses_stands_once(kiriko: ModuleType) -> None:
         assert len(found) == 2
         assert len(set(buttons)) == len(buttons)
         assert {"kiriko.fit_plate", "kiriko.fit_display"} <= set(buttons) or helps is not None
-
-
-@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e3])
-@pytest.mark.parametrize("kind", ["cube", "sphere", "torus"])
-def test_a_viewer_is_in_glass_at_any_scale(scale: float, kind: str) -> None:
-    """Its mesh is in mm if the object's scale is 0.001. The hole of a torus is outside."""
-    inspect_scene = loaded("core.blender.checks.inspect_scene")
-    bpy.ops.object.select_all(action="DESELECT")
-    if kind == "torus":
-        bpy.ops.mesh.primitive_torus_add(major_radius=0.05 / scale, minor_radius=0.02 / scale)
-    elif kind == "sphere":
-        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.05 / scale)
-    else:
-        bpy.ops.mesh.primitive_cube_add(size=0.1 / scale)
-    glass = bpy.context.object
-    glass.scale = (scale, scale, scale)
-    glass.location = (0.3, -0.2, 0.1)
-    glass.rotation_euler = (0.3, 0.2, 0.1)
-    bpy.context.view_layer.update()
-    shown = inspect_scene.evaluated(bpy.context.scene, glass)
-    to_own = np.array(glass.matrix_world.inverted())
-
-    for place in np.random.default_rng(0).uniform(-0.08, 0.08, (300, 3)) + glass.location:
-        x, y, z = np.abs(to_own[:3, :3] @ place + to_own[:3, 3]) * scale
-        depth = {
-            "cube": 0.05 - max(x, y, z),
-            "sphere": 0.05 - np.hypot(np.hypot(x, y), z),
-            "torus": 0.02 - np.hypot(np.hypot(x, y) - 0.05, z),
-        }[kind]
-        if abs(depth) > 1e-3:  # the mesh has facets
-            assert inspect_scene._contains(shown, place) == (depth > 0)

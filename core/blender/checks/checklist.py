@@ -76,7 +76,6 @@ def entries(seen: Inspection, length_text: Callable[[float], str]) -> list[Entry
         *_on_lost(seen),
         *_on_missing(seen),
         *_on_too_many(seen),
-        *_on_enclosed(seen),
         *_on_hidden(seen),
         *_on_in_glass(seen),
         *(entry for thing in _shown(seen) for entry in findings_of(thing, APPEARANCE + SHAPE)),
@@ -180,17 +179,6 @@ def too_many(role: str, n: int) -> Message:
 def _leave_out(named: Named) -> Button:
     label = Message("Leave Out '{name}'", name=named.name)
     return Button("kiriko.leave_out", label, naming(named), "X")
-
-
-def _on_enclosed(seen: Inspection) -> Iterator[Entry]:
-    """Viewers inside a glass, by the words of the solver's refusal."""
-    for viewer, glass in seen.enclosed:
-        text = Message(
-            "The viewer '{viewer}' is inside the glass '{glass}': move it out.",
-            viewer=viewer,
-            glass=glass,
-        )
-        yield Entry(text, PROBLEM)
 
 
 def _on_hidden(seen: Inspection) -> Iterator[Entry]:

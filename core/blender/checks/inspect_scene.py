@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
-from mathutils import Vector
 
 from ...base.arrays import Floats
 from ...base.errors import ImageError
@@ -44,10 +43,6 @@ from .faults import counts_of
 from .to_do import FaultCounts, Inspection, Named, Thing
 
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's bounding box is not that of their surface
-# directions along no usual edge; one may graze an edge, and its count is then wrong
-PROBES = Vector((0.36, 0.48, 0.8)), Vector((-0.64, 0.6, -0.48))
-ENCLOSED_STEP = 1e-5  # from a hit on, relative to the glass's largest own coordinate
-MOST_HITS = 1000
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh light meets
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
@@ -98,7 +93,6 @@ def inspect(
         no_parts=tuple((no_part(thing), named(thing)) for thing in found.get(NO_PART, ())),
         lost=tuple(lost_parts(scene, found)),
         in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
-        enclosed=tuple(_enclosed_viewers(scene, found.get("GLASS", {}), meshes)),
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
@@ -217,47 +211,6 @@ def _in_glass(
             found.append(thing)
     tools = tools_of([*glasses, *found]) if found else ()
     yield from (named(thing) for thing in found if thing not in tools)
-
-
-def _enclosed_viewers(
-    scene: bpy.types.Scene,
-    glasses: Mapping[bpy.types.Object, str],
-    meshes: Mapping[int, InspectedMesh],
-) -> Iterator[tuple[str, str]]:
-    """Names of viewers inside a closed glass, which no solve accepts, and of the glass."""
-    for seat in seats_of(scene):
-        if seat.camera is None or getattr(seat.camera.data, "type", "ORTHO") == "ORTHO":
-            continue
-        place = np.array(seat.camera.matrix_world.translation)
-        for glass, by in glasses.items():
-            looked = meshes.get(glass.session_uid)
-            if by or looked is None or looked.as_read.n_open:
-                continue
-            low, high = box_of(scene, glass)
-            if ((place > low) & (place < high)).all() and _contains(evaluated(scene, glass), place):
-                yield seat.camera.name, glass.name
-
-
-def _contains(glass: bpy.types.Object, place: Floats) -> bool:
-    """Whether rays from a place (3,) in the world cross an evaluated mesh an odd number of times.
-
-    They are cast in the object's own space, so its scale does not matter.
-    """
-    if glass.type != "MESH":
-        return False
-    start = glass.matrix_world.inverted_safe() @ Vector(place)
-    step = ENCLOSED_STEP * float(np.abs(glass.bound_box).max())
-    return all(_n_crossings(glass, start, probe, step) % 2 == 1 for probe in PROBES)
-
-
-def _n_crossings(glass: bpy.types.Object, start: Vector, probe: Vector, step: float) -> int:
-    """Number of crossings of a ray with an evaluated mesh, in the object's own space."""
-    for n_hits in range(MOST_HITS):
-        is_hit, hit, _, _ = glass.ray_cast(start, probe)
-        if not is_hit:
-            return n_hits
-        start = hit + step * probe
-    return MOST_HITS
 
 
 def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:

@@ -117,7 +117,6 @@ class Inspection:
     no_parts : sentences on objects with a role but unfit as parts, and their names
     solids : possible glass without a role, the active one first
     in_glass : refractive objects without a role inside the glass
-    enclosed : names of a viewer and of the glass around it
     lost : sentences on data missing from a library, and the library's name
     misses : lost shares of the picture in the last result, by reason
     misses_of_others : the same by name for each viewer but the visible one
@@ -138,7 +137,6 @@ class Inspection:
     no_parts: tuple[tuple[str, Named], ...] = ()
     solids: tuple[Named, ...] = ()
     in_glass: tuple[Named, ...] = ()
-    enclosed: tuple[tuple[str, str], ...] = ()
     lost: tuple[tuple[str, str], ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
