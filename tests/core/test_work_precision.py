@@ -156,7 +156,7 @@ def test_a_rig_that_cannot_be_solved_is_one_sentence():
     """No report on a rig without a display, or with a tolerance that cannot be kept."""
     with pytest.raises(RigError, match="no display"):
         drain(measure(replace(small_rig(), displays=())))
-    with pytest.raises(RigError, match="tolerance"):
+    with pytest.raises(RigError, match="Tolerance"):
         drain(measure(small_rig(), Settings(tolerance=0.0)))
     with pytest.raises(RigError, match="raise its resolution"):
         drain(measure(cube_rig(pixels=32, display_pixels=2)))
