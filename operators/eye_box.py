@@ -15,7 +15,7 @@ from ..core.base.numbers import number
 from ..core.base.steps import Steps, hold_progress, subprogress
 from ..core.base.words import percent
 from ..core.blender.data.camera_viewer import seats_of
-from ..core.blender.data.made_objects import made_surface, shown_quads, surface_object
+from ..core.blender.data.made_objects import find_made, shown_quads, surface_object
 from ..core.blender.data.stored_records import StoredNumbers
 from ..core.blender.data.units import length_of_unit, length_text
 from ..core.lab.calibrate.visible_range import SURVEY, visible_range
@@ -29,18 +29,18 @@ from .outdated_surfaces import EYE_BOX, MADE_FOR, RANGE
 class Remove:
     """Mix-in for an operator that removes a surface.
 
-    surface : its name for `made_surface`
+    surface : its name for `find_made`
     """
 
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        is_there = made_surface(context.scene, cls.surface) is not None
+        is_there = find_made(context.scene, cls.surface) is not None
         return needed.can_run(cls, [] if is_there else [needed.NOTHING])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        thing = made_surface(context.scene, self.surface)
+        thing = find_made(context.scene, self.surface)
         mesh = thing.data
         bpy.data.objects.remove(thing)
         if mesh is not None and mesh.users == 0:

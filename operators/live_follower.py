@@ -21,6 +21,7 @@ from ..core.blender.read.nested_glass import reasons
 from ..core.blender.read.scene import Reading
 from ..core.blender.read.shapes import ShapeCache
 from ..core.blender.result.conflict import write_conflict
+from ..core.blender.result.light_path_curves import drawn_count, update_paths
 from ..core.blender.result.on_display import MATERIAL_MARK, is_on_display
 from ..core.blender.result.result_images import images_of
 from ..core.blender.result.write_result import (
@@ -37,6 +38,7 @@ from ..core.solve.first_picture import coarser, enlarged, has_coarse
 from ..core.solve.memory import check_memory
 from . import compared, work
 from .chosen import chosen_settings, uid
+from .draw_light_paths import followed_paths
 from .remedies import remedies_for
 from .reporting import in_words
 from .viewer_reports import reports_of
@@ -64,6 +66,7 @@ READING = Message("reading the scene")
 WRITING = Message("writing the source image")
 COMPARING = Message("comparing before and after")
 REMEDIES = Message("finding remedies")
+PATHS = Message("following light paths")
 VIEWERS = Message("comparing the viewers")
 GLASS = Message("comparing the glass with Cycles")
 
@@ -281,6 +284,7 @@ class Live:
         started = perf_counter()
         self._shown_at = []
         rig = self._reading.rig
+        yield from self._draw_paths(rig, settings)
         meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # keeps their ids from being reused by other meshes
@@ -328,6 +332,16 @@ class Live:
         helps = yield from self._stepped(REMEDIES, remedies_for(rig, settings, found))
         write_helps(scene_by_uid(scene_uid), helps)
         redraw()
+
+    def _draw_paths(self, rig: Rig, settings: Settings) -> Generator[NextStep, None, None]:
+        """Draw the light paths again if there are any, before the first picture: a drag may end the
+        work after it.
+        """
+        count = drawn_count(scene_by_uid(self.uid))
+        if count:
+            found = followed_paths(rig, settings, count)
+            paths = yield from self._stepped(PATHS, found)
+            update_paths(scene_by_uid(self.uid), paths)
 
     def _solve(
         self, rig: Rig, settings: Settings, is_built: bool, is_last: bool, is_reported: bool

@@ -5,7 +5,7 @@ from time import perf_counter
 import bpy
 
 from ..core.base.messages import Message
-from ..core.blender.data.made_objects import made_surface
+from ..core.blender.data.made_objects import find_made
 
 RANGE = "Kiriko Visible Range"
 EYE_BOX = "Kiriko Eye Box"
@@ -22,7 +22,7 @@ def looked_up(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
     key = scene.session_uid, name
     due, of_object = _found.get(key, (0.0, ""))
     if perf_counter() >= due:
-        found = made_surface(scene, name)
+        found = find_made(scene, name)
         of_object = "" if found is None else found.name
         _found[key] = perf_counter() + PAUSE, of_object
     return scene.objects.get(of_object) if of_object else None

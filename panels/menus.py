@@ -36,6 +36,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.remove_visible_range", icon="X")
         layout.operator("kiriko.eye_box", icon="MOD_LATTICE")
         layout.operator("kiriko.remove_eye_box", icon="X")
+        layout.operator("kiriko.draw_light_paths", icon="CURVE_PATH")
         layout.separator()
         for menu in SUBMENUS:
             layout.menu(menu.__name__)

@@ -28,6 +28,11 @@ class VIEW3D_PT_kiriko_check(Closed, bpy.types.Panel):
         layout.operator("kiriko.save_comparison", icon="FILE_TICK")
         layout.prop(view, "show_overlay")
 
+        column = layout.column()
+        remembered = context.window_manager.operator_properties_last("kiriko.draw_light_paths")
+        column.prop(remembered, "count")
+        column.operator("kiriko.draw_light_paths", icon="CURVE_PATH")
+
 
 class VIEW3D_PT_kiriko_advanced(Closed, bpy.types.Panel):
     """Further settings of Solve, the settings of the active object, and Remove Rig."""

@@ -344,6 +344,7 @@ State = Literal["arrives", "lost", "aerial", "picture"]
 
 TAIL = 0.06  # of the rig's size: drawn length of light that leaves the rig
 REACH = 0.5  # of the rig's size: largest distance at which light counts as passing plate or display
+GOLDEN = (5**0.5 - 1) / 2  # step of the second coordinate in a Fibonacci lattice
 LEAST_LOST = 0.005  # of the picture: a smaller lost part gets no label
 OUT_OF_VIEW = Message("outside the viewer's frame")
 AERIAL = Message("mid-air image of the display")
@@ -394,11 +395,7 @@ class Sketch:
 
 def sketching(rig: Rig, plan: Plan | None) -> Steps[Sketch]:
     """Sketch a rig, with a few rays if there is a plan."""
-    glasses = [glass.mesh.bounds for glass in rig.glasses if is_placed(glass.mesh)]
-    middle = np.mean(glasses, axis=(0, 1)) if glasses else np.zeros(3)
-    viewer = rig.viewers[0] if rig.viewers else None
-    canvas = canvas_of(rig.picture_place, viewer, middle) if rig.pictures else None
-
+    canvas = _canvas(rig)
     light = SketchedLight()
     if plan is not None and canvas is not None:
         light = yield from _following_picture(plan, canvas)
@@ -425,6 +422,42 @@ def sketching(rig: Rig, plan: Plan | None) -> Steps[Sketch]:
     )
 
 
+def spread_paths(plan: Plan, count: int) -> Steps[list[LightPath]]:
+    """Follow rays spread evenly over the picture as its viewer sees it, and return their paths.
+
+    Fewer than `count` if parts of the picture's square are empty or outside the viewer's frame.
+    """
+    canvas = _canvas(plan.rig)
+    if canvas is None:
+        return []
+    numbers = np.arange(count)
+    points, is_on = canvas.points(
+        np.stack([(numbers + 0.5) / count, (numbers + 0.5) * GOLDEN % 1], axis=1)
+    )
+    origins, directions, aims, is_seen = sight_lines(plan.viewer, points[is_on])
+    rays = (values[is_seen] for values in (origins, directions, aims))
+    paths = yield from following(plan, *rays, _tails(size_of(plan.rig)))
+    return [path for path in paths if np.isfinite(path.points).all()]
+
+
+def size_of(rig: Rig) -> float:
+    """Size of a rig, m: the diagonal of the box around glass, plates and display."""
+    extent = [part.mesh.bounds for part in (*rig.glasses, *rig.plates, *rig.displays)]
+    return float(np.linalg.norm(np.ptp(np.concatenate(extent), axis=0)))
+
+
+def _tails(size: float) -> Tails:
+    return Tails(tail=TAIL * size, reach=REACH * size)
+
+
+def _canvas(rig: Rig) -> Canvas | None:
+    """Canvas of a rig's picture for its first viewer; None if it has no place."""
+    glasses = [glass.mesh.bounds for glass in rig.glasses if is_placed(glass.mesh)]
+    middle = np.mean(glasses, axis=(0, 1)) if glasses else np.zeros(3)
+    viewer = rig.viewers[0] if rig.viewers else None
+    return canvas_of(rig.picture_place, viewer, middle) if rig.pictures else None
+
+
 def _aerial_plane(rig: Rig, stations: list[Station]) -> Floats:
     """Edges (e, 2, 3) of the display at its apparent place, seen by way of the plates."""
     nowhere = np.empty((0, 2, 3))
@@ -436,9 +469,7 @@ def _aerial_plane(rig: Rig, stations: list[Station]) -> Floats:
 
 def _following_picture(plan: Plan, canvas: Canvas) -> Steps[SketchedLight]:
     """Trace the light of a picture: corners, centre, and parts all over it."""
-    extent = [part.mesh.bounds for part in (*plan.rig.glasses, *plan.rig.plates, plan.rig.display)]
-    size = float(np.linalg.norm(np.ptp(np.concatenate(extent), axis=0)))
-    tails = Tails(tail=TAIL * size, reach=REACH * size)
+    tails = _tails(size_of(plan.rig))
 
     # corners and centre
     points, _ = canvas.points(np.concatenate([CORNERS, MIDDLE]))

@@ -38,6 +38,7 @@ PLACES = {
         "kiriko.remove_visible_range",
     ),
     "bench.md#drawing": ("kiriko.bench_drawing",),
+    "bench.md#paths": ("kiriko.draw_light_paths",),
     "bench.md#plate": ("kiriko.simulate", "kiriko.go_without_plate"),
     "calibration.md#lattice": ("kiriko.lattice_picture",),
     "calibration.md#calibrate": (

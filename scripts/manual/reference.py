@@ -47,6 +47,7 @@ SECTIONS: tuple[tuple[str | dict[str, str], tuple[str, ...]], ...] = (
     ("check", (
         "kiriko.simulate", "kiriko.preview", "KirikoView.left", "KirikoView.right",
         "KirikoView.wipe", "kiriko.save_comparison", "KirikoView.show_overlay",
+        "kiriko.draw_light_paths",
     )),
     ("viewers", (
         "KirikoViewer.is_on", "KirikoViewer.weight", "kiriko.move_viewer", "KirikoRig.viewer",

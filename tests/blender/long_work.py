@@ -24,6 +24,7 @@ LONG = (
     "simulate",
     "visible_range",
     "eye_box",
+    "draw_light_paths",
     "render_pictures",
     "report",
     "export_maps",
@@ -44,6 +45,7 @@ POINTS = {
         "core.blender.data.image.set_pixels",
         "core.blender.data.image.packed_image",
         "core.blender.data.made_objects.surface_object",
+        "core.blender.result.light_path_curves.draw_paths",
         "core.files.disk.together",
         "operators.viewer_images.give",
     ),
@@ -173,6 +175,9 @@ def product(name: str) -> object:
         thing = bpy.data.objects["Kiriko Eye Box"]
         values = thing.data.attributes["displacement"].data
         return [tuple(v.co) for v in thing.data.vertices], [d.value for d in values]
+    if name == "draw_light_paths":
+        curves = [thing for thing in bpy.context.scene.objects if thing.type == "CURVE"]
+        return [[tuple(p.co) for p in s.points] for one in curves for s in one.data.splines]
     if name == "render_pictures":
         return pixels(bpy.context.scene.kiriko.picture_image).tobytes()
     if name == "export_maps":

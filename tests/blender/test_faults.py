@@ -39,12 +39,14 @@ from long_work import (
 from small_rigs import cube
 
 TRACES = ("read", "plan", "trace")
+FEW_TURNS = {"render_pictures", "draw_light_paths"}  # one for each viewer, or two in all
 # the points that the work of an operator passes
 PASSED = {
     "solve": tuple(POINTS),
     "simulate": (*TRACES, "write"),
     "visible_range": (*TRACES, "write"),
     "eye_box": (*TRACES, "write"),
+    "draw_light_paths": (*TRACES, "write"),
     "render_pictures": ("read", "paint", "write"),
     "report": (*TRACES, "write"),
     "export_maps": (*TRACES, "write"),
@@ -264,7 +266,7 @@ def test_another_file_in_the_middle_is_not_written_to(rig, window, tmp_path, nam
             bpy.context.scene.kiriko.margin += 1
             bpy.ops.ed.undo_push(message="margin")
             operator = pressed(name, window)
-            for _ in range(1 if name == "render_pictures" else 3):  # which has a turn a viewer
+            for _ in range(1 if name in FEW_TURNS else 3):
                 assert operator.modal(window, TIMER) == {"PASS_THROUGH"}, operator.said
             happen()
             before = everything()

@@ -97,8 +97,8 @@ def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
     return mesh
 
 
-def made_surface(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
-    """The object made by `surface_object` for the active rig; None if there is none."""
+def find_made(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
+    """The object that Kiriko made by this name for the active rig; None if there is none."""
     is_elsewhere = elsewhere(scene)
     things = (thing for thing in scene.objects if thing.get(OBJECT_MARK) == name)
     return next((thing for thing in things if not is_elsewhere(thing)), None)
@@ -161,7 +161,7 @@ def surface_object(
         raise
 
     # the previous object gets the new mesh
-    thing = made_surface(scene, name)
+    thing = find_made(scene, name)
     if thing is None:
         thing = bpy.data.objects.new(own_name, mesh)
         thing[OBJECT_MARK] = name

@@ -222,6 +222,15 @@ def _is_totally_reflected(tree: Any, ior: float) -> Any:
     return found.outputs[0]
 
 
+def glow(material: bpy.types.Material, colour: tuple[float, float, float]) -> None:
+    """Make a material emit a colour, linear, in any light."""
+    tree, output = cleared(material)
+    emission = tree.nodes.new("ShaderNodeEmission")
+    emission.inputs["Color"].default_value = material.diffuse_color = (*colour, 1.0)
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    emission.location = (-220, 0)
+
+
 def be_mirror(material: bpy.types.Material) -> None:
     """A mirror without loss."""
     tree, output = cleared(material)

@@ -16,6 +16,7 @@ from ...bench.offset import part_motions
 from ...glass.tessellate import tessellate
 from ...rig.rig import ROLES, Mesh, Rig
 from ..data.camera_viewer import viewer_of
+from ..data.made_objects import OBJECT_MARK
 from ..data.temporary import mark
 from ..read.part_roles import InBlender, Studio, in_blender
 from ..read.read_mesh import sharpen_creases
@@ -216,10 +217,12 @@ def add_surroundings(
     layer: bpy.types.ViewLayer,
     replaced: set[bpy.types.Object],
 ) -> None:
-    """Put the world and the remaining objects without a role into a temporary scene."""
+    """Put the world and the remaining objects without a role into a temporary scene, except
+    Kiriko's own.
+    """
     made.world = scene.world
     for thing in _seen_in_render(layer.layer_collection):
-        if thing.kiriko.role == "NONE" and thing not in replaced:
+        if thing.kiriko.role == "NONE" and thing not in replaced and OBJECT_MARK not in thing:
             made.collection.objects.link(thing)
 
 
