@@ -17,9 +17,7 @@ from . import long_work, needed, work
 
 def followed_paths(rig: Rig, settings: Settings, count: int) -> Steps[list[LightPath]]:
     """Follow rays spread over the picture through a rig, with the session's glass."""
-    plan = work.session().plan(rig, settings)
-    yield 0
-    return (yield from spread_paths(plan, count))
+    return (yield from spread_paths(work.session().plan(rig, settings), count))
 
 
 class KIRIKO_OT_draw_light_paths(long_work.LongWork, bpy.types.Operator):
@@ -34,7 +32,6 @@ class KIRIKO_OT_draw_light_paths(long_work.LongWork, bpy.types.Operator):
         description="Number of rays, spread over the picture as the viewer sees it",
         default=48,
         min=1,
-        soft_max=1000,
         max=100000,
     )
 
@@ -46,8 +43,8 @@ class KIRIKO_OT_draw_light_paths(long_work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
         rig = work.read(context).rig
-        found = followed_paths(rig, work.settings_of(scene), self.count)
-        paths = yield from hold_progress(0.0, found)
+        settings = work.settings_of(scene)
+        paths = yield from hold_progress(0.0, followed_paths(rig, settings, self.count))
         if not paths:
             raise RigError(
                 "The viewer '{viewer}' can't see the picture: turn it towards the picture.",

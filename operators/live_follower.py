@@ -284,7 +284,7 @@ class Live:
         started = perf_counter()
         self._shown_at = []
         rig = self._reading.rig
-        yield from self._draw_paths(rig, settings)
+        yield from self._draw_paths(rig, settings)  # a drag may end the work after a picture
         meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # keeps their ids from being reused by other meshes
@@ -334,13 +334,10 @@ class Live:
         redraw()
 
     def _draw_paths(self, rig: Rig, settings: Settings) -> Generator[NextStep, None, None]:
-        """Draw the light paths again if there are any, before the first picture: a drag may end the
-        work after it.
-        """
+        """Draw the light paths again if there are any."""
         count = drawn_count(scene_by_uid(self.uid))
         if count:
-            found = followed_paths(rig, settings, count)
-            paths = yield from self._stepped(PATHS, found)
+            paths = yield from self._stepped(PATHS, followed_paths(rig, settings, count))
             update_paths(scene_by_uid(self.uid), paths)
 
     def _solve(

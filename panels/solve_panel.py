@@ -27,11 +27,9 @@ class VIEW3D_PT_kiriko_check(Closed, bpy.types.Panel):
             column.prop(view, name)
         layout.operator("kiriko.save_comparison", icon="FILE_TICK")
         layout.prop(view, "show_overlay")
-
-        column = layout.column()
         remembered = context.window_manager.operator_properties_last("kiriko.draw_light_paths")
-        column.prop(remembered, "count")
-        column.operator("kiriko.draw_light_paths", icon="CURVE_PATH")
+        layout.prop(remembered, "count")
+        layout.operator("kiriko.draw_light_paths", icon="CURVE_PATH")
 
 
 class VIEW3D_PT_kiriko_advanced(Closed, bpy.types.Panel):

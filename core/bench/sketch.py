@@ -430,13 +430,12 @@ def spread_paths(plan: Plan, count: int) -> Steps[list[LightPath]]:
     canvas = _canvas(plan.rig)
     if canvas is None:
         return []
-    numbers = np.arange(count)
-    points, is_on = canvas.points(
-        np.stack([(numbers + 0.5) / count, (numbers + 0.5) * GOLDEN % 1], axis=1)
-    )
+    numbers = np.arange(count) + 0.5
+    points, is_on = canvas.points(np.stack([numbers / count, numbers * GOLDEN % 1], axis=1))
     origins, directions, aims, is_seen = sight_lines(plan.viewer, points[is_on])
     rays = (values[is_seen] for values in (origins, directions, aims))
-    paths = yield from following(plan, *rays, _tails(size_of(plan.rig)))
+    size = size_of(plan.rig)
+    paths = yield from following(plan, *rays, Tails(tail=TAIL * size, reach=REACH * size))
     return [path for path in paths if np.isfinite(path.points).all()]
 
 
@@ -444,10 +443,6 @@ def size_of(rig: Rig) -> float:
     """Size of a rig, m: the diagonal of the box around glass, plates and display."""
     extent = [part.mesh.bounds for part in (*rig.glasses, *rig.plates, *rig.displays)]
     return float(np.linalg.norm(np.ptp(np.concatenate(extent), axis=0)))
-
-
-def _tails(size: float) -> Tails:
-    return Tails(tail=TAIL * size, reach=REACH * size)
 
 
 def _canvas(rig: Rig) -> Canvas | None:
@@ -469,7 +464,8 @@ def _aerial_plane(rig: Rig, stations: list[Station]) -> Floats:
 
 def _following_picture(plan: Plan, canvas: Canvas) -> Steps[SketchedLight]:
     """Trace the light of a picture: corners, centre, and parts all over it."""
-    tails = _tails(size_of(plan.rig))
+    size = size_of(plan.rig)
+    tails = Tails(tail=TAIL * size, reach=REACH * size)
 
     # corners and centre
     points, _ = canvas.points(np.concatenate([CORNERS, MIDDLE]))

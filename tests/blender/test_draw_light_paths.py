@@ -103,15 +103,15 @@ def test_each_path_is_in_the_curve_of_its_reason(scene):
     bpy.ops.kiriko.draw_light_paths(count=200)
 
     work, module = loaded("operators.work"), loaded("core.blender.result.light_path_curves")
-    reasons = [*chain(*(one.reasons for one in module.OUTCOMES))]
+    reasons = [*chain(*(reasons for _, reasons in module.OUTCOMES.values()))]
     assert sorted(reasons) == sorted(loaded("core.light.rays").Reason)
     plan = work.session().plan(work.read(bpy.context).rig, work.settings_of(scene))
     n = np.arange(200) + 0.5
     uv = np.stack([n / 200, 1 - n * GOLDEN % 1], axis=1)
     landings = loaded("core.light.trace").trace(plan, *plan.viewer.rays(uv * 64))
-    for one in module.OUTCOMES:
-        expected = np.isin(landings.reason, one.reasons).sum()
-        assert len(lines(str(one.name).split(": ")[1])) == expected
+    for name, (_, reasons) in module.OUTCOMES.items():
+        expected = np.isin(landings.reason, [*reasons]).sum()
+        assert len(lines(name.split(": ")[1])) == expected
     assert min(len(lines("Arrived")), len(lines("Missed")), len(lines("Blocked"))) > 0
 
 

@@ -217,9 +217,7 @@ def add_surroundings(
     layer: bpy.types.ViewLayer,
     replaced: set[bpy.types.Object],
 ) -> None:
-    """Put the world and the remaining objects without a role into a temporary scene, except
-    Kiriko's own.
-    """
+    """Put the world and the artist's remaining objects without a role into a temporary scene."""
     made.world = scene.world
     for thing in _seen_in_render(layer.layer_collection):
         if thing.kiriko.role == "NONE" and thing not in replaced and OBJECT_MARK not in thing:

@@ -1,7 +1,6 @@
 """Light paths as curves in the scene, which artists can render: one object for each outcome."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -19,38 +18,24 @@ from ..materials import shaders
 
 COUNT = "kiriko_count"  # custom property of a curve object: number of rays
 THICKNESS = 3e-4  # radius of a new curve, relative to the rig's size
-
-
-class Outcome(NamedTuple):
-    """Ends of light that share a curve object.
-
-    colour : linear
-    """
-
-    name: Message
-    colour: tuple[float, float, float]
-    reasons: tuple[Reason, ...]
-
-
-OUTCOMES = (
-    Outcome(Message("Light Paths: Arrived"), (0.05, 0.7, 0.1), (Reason.ARRIVED,)),
-    Outcome(
-        Message("Light Paths: Missed"),
+# the objects by their names: linear colour, and the ends of light they show
+OUTCOMES = {
+    Message("Light Paths: Arrived"): ((0.05, 0.7, 0.1), {Reason.ARRIVED}),
+    Message("Light Paths: Missed"): (
         (0.9, 0.05, 0.03),
-        (Reason.MISSED_GLASS, Reason.MISSED_PLATE, Reason.MISSED_DISPLAY),
+        {Reason.MISSED_GLASS, Reason.MISSED_PLATE, Reason.MISSED_DISPLAY},
     ),
-    Outcome(
-        Message("Light Paths: Lost in Glass"),
+    Message("Light Paths: Lost in Glass"): (
         (1.0, 0.3, 0.02),
-        (Reason.LOST_INSIDE, Reason.CUT_OFF),
+        {Reason.LOST_INSIDE, Reason.CUT_OFF},
     ),
-    Outcome(Message("Light Paths: Blocked"), (0.35, 0.08, 0.8), (Reason.BLOCKED,)),
-)
+    Message("Light Paths: Blocked"): ((0.35, 0.08, 0.8), {Reason.BLOCKED}),
+}
 
 
 def drawn_count(scene: bpy.types.Scene) -> int:
     """Number of rays of the active rig's drawn paths; 0 if there are none."""
-    counts = (thing.get(COUNT) for one in OUTCOMES if (thing := _curve_of(scene, one)))
+    counts = (thing.get(COUNT) for name in OUTCOMES if (thing := _curve_of(scene, name)))
     return max((count for count in counts if isinstance(count, int)), default=0)
 
 
@@ -59,15 +44,13 @@ def draw_paths(
 ) -> None:
     """Draw paths as curves of the active rig, in place of those drawn before.
 
-    Parameters
-    ----------
     count : number of rays, which later updates follow, too
     rig_size : m, for the thickness of new curves
     """
-    for outcome in OUTCOMES:
-        thing = _curve_of(scene, outcome)
+    for name in OUTCOMES:
+        thing = _curve_of(scene, name)
         if thing is None:
-            thing = _new_curve(scene, outcome, THICKNESS * rig_size / length_of_unit(scene))
+            thing = _new_curve(scene, name, THICKNESS * rig_size / length_of_unit(scene))
         thing[COUNT] = count
     update_paths(scene, paths)
 
@@ -77,30 +60,30 @@ def update_paths(scene: bpy.types.Scene, paths: Sequence[LightPath]) -> None:
     metres = length_of_unit(scene)
     points = [path.points / metres for path in paths]
     centre = np.concatenate(points).mean(axis=0) if paths else np.zeros(3)
-    for outcome in OUTCOMES:
-        thing = _curve_of(scene, outcome)
+    for name, (_, reasons) in OUTCOMES.items():
+        thing = _curve_of(scene, name)
         if thing is not None and thing.mode == "OBJECT" and thing.data.is_editable:
             some = zip(points, paths, strict=True)
-            _fill(thing.data, [at - centre for at, one in some if one.reason in outcome.reasons])
+            _fill(thing.data, [at - centre for at, one in some if one.reason in reasons])
             thing.matrix_world = Matrix.Translation(centre)
 
 
-def _curve_of(scene: bpy.types.Scene, outcome: Outcome) -> bpy.types.Object | None:
+def _curve_of(scene: bpy.types.Scene, name: Message) -> bpy.types.Object | None:
     """The curve object of an outcome; None if there is none, or it was converted."""
-    thing = find_made(scene, outcome.name)
+    thing = find_made(scene, name)
     return thing if thing is not None and thing.type == "CURVE" else None
 
 
-def _new_curve(scene: bpy.types.Scene, outcome: Outcome, radius: float) -> bpy.types.Object:
+def _new_curve(scene: bpy.types.Scene, outcome: Message, radius: float) -> bpy.types.Object:
     """An empty curve object in the active rig's collection; radius in Blender units."""
-    name = name_for(scene, data_name(outcome.name))
+    name = name_for(scene, data_name(outcome))
     curve, material = bpy.data.curves.new(name, "CURVE"), bpy.data.materials.new(name)
     mark_made([material])  # so that it goes with the rig
-    shaders.glow(material, outcome.colour)
+    shaders.glow(material, OUTCOMES[outcome][0])
     curve.dimensions, curve.bevel_depth, curve.use_fill_caps = "3D", radius, True
     curve.materials.append(material)
     thing = bpy.data.objects.new(name, curve)
-    thing[OBJECT_MARK] = str(outcome.name)
+    thing[OBJECT_MARK] = str(outcome)
     for kind in ("diffuse", "volume_scatter", "shadow"):
         setattr(thing, f"visible_{kind}", False)  # so that it neither lights nor shades the scene
     (active_rig(scene) or scene.collection).objects.link(thing)
