@@ -257,7 +257,7 @@ def stations_of(rig: Rig, plan: Plan | None, way: LightPath | None) -> list[Stat
         Kind.GLASS: rig.glasses,
         Kind.PLATE: rig.plates,
         Kind.MIRROR: rig.mirrors,
-        Kind.DISPLAY: rig.displays,
+        Kind.DISPLAY: rig.displays if plan is None else (rig.display,),
     }
     if plan is None or way is None:
         single = [

@@ -134,6 +134,7 @@ def compile_plan_steps(
     RigError, MeshError
         One sentence on the fault of the rig.
     """
+    rig = rig.joined
     mesh_cache = mesh_cache or MeshCache()
     deferred_boxes = grown(
         np.array([rig.glasses[i].mesh.bounds for i in deferred]).reshape(-1, 2, 3)

@@ -31,10 +31,10 @@ class DisplayPlane:
 
 
 def display_pixel(display: Display) -> float:
-    """Approximate side of a display's pixel, m."""
-    return float(
-        np.linalg.norm(np.ptp(display.mesh.bounds, axis=0))
-        / np.hypot(display.width, display.height)
+    """Approximate side of a display's smallest pixel, m."""
+    return min(
+        float(np.linalg.norm(np.ptp(one.mesh.bounds, axis=0)) / np.hypot(one.width, one.height))
+        for one in display.parts
     )
 
 

@@ -145,15 +145,25 @@ class Display(Part):
         """
         return place
 
+    @property
+    def parts(self) -> tuple["Display", ...]:
+        """Its displays: only itself."""
+        return (self,)
+
+    def black_in(self, image: Floats) -> float | Floats:
+        """Black level of the pixels of an image, which broadcasts to it."""
+        return self.black_level
+
     def light_of(self, source: NDArray[np.float32]) -> NDArray[np.float32]:
         """The light of its pixels for a linear source image, relative to white."""
         if self.black_level == 0:
             return source
-        return self.black_level + (1 - self.black_level) * source
+        black = self.black_in(source)
+        return black + (1 - black) * source
 
     def nearest(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
         """The achievable light closest to the wanted light, relative to white."""
-        return light if self.black_level == 0 else np.maximum(light, self.black_level)
+        return light if self.black_level == 0 else np.maximum(light, self.black_in(light))
 
     def source_for(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
         """The linear source image for the wanted light, limited by the black level.
@@ -162,13 +172,22 @@ class Display(Part):
         """
         if self.black_level == 0:
             return light
-        return (self.nearest(light) - self.black_level) / (1 - self.black_level)
+        black = self.black_in(light)
+        return (self.nearest(light) - black) / (1 - black)
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError or RigError if it cannot show an image."""
         self.mesh.check_uv(owner)
         if min(self.width, self.height) < 1:
             raise RigError("{owner} has no pixels: set its resolution.", owner=owner)
+
+
+@dataclass(frozen=True, eq=False)
+class Screen(Display):
+    """A surface with a UV map that projectors shine on; light leaves it on both sides.
+
+    width, height : of its image, which no file shows: the resolution of the projected light
+    """
 
 
 @dataclass(frozen=True, eq=False)

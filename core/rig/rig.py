@@ -11,6 +11,7 @@ from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.messages import Message, as_message, quoted
 from .catalogue import PLATES
+from .joined_display import check_displays, join
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
 from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
@@ -25,9 +26,10 @@ from .parts import (
     Picture,
     PicturePlace,
     Plate,
+    Screen,
 )
 from .roles import Part, Role
-from .viewer import PERPENDICULAR, Viewer, check_own_images, check_together
+from .viewer import PERPENDICULAR, Projector, Viewer, check_own_images, check_together
 
 __all__ = [
     "FLAT",
@@ -52,8 +54,10 @@ __all__ = [
     "Picture",
     "PicturePlace",
     "Plate",
+    "Projector",
     "Rig",
     "Role",
+    "Screen",
     "SurfaceChoice",
     "Viewer",
 ]
@@ -101,7 +105,7 @@ class Rig:
         "DISPLAY", Message("Display"), kind=4, number=4, icon="RESTRICT_VIEW_OFF",
         tip="Shows the source image on its front, by its UV map",
         remedy=_set_role("Display"),
-        is_single=True, is_mapped=True, may_be_off=True,
+        is_mapped=True, may_be_off=True,
     ))
     pictures: tuple[Picture | PicturePlace, ...] = _parts_of(Role(
         "PICTURE", Message("Picture"), number=5, icon="IMAGE_DATA",
@@ -116,6 +120,15 @@ class Rig:
     blockers: tuple[Blocker, ...] = _parts_of(Role(
         "BLOCKER", Message("Blocker"), kind=3, number=6, icon="CANCEL", tip="Stops light",
     ), ())
+    screens: tuple[Screen, ...] = _parts_of(Role(
+        "SCREEN", Message("Screen"), icon="MOD_UVPROJECT",
+        tip="Scatters the light of projectors, on both sides; needs a UV map",
+        is_mapped=True,
+    ), ())
+    projectors: tuple[Projector, ...] = _parts_of(Role(
+        "PROJECTOR", Message("Projector"), icon="LIGHT_SPOT",
+        tip="A camera whose image is projected on the screens",
+    ), ())
     # fmt: on
 
     @property
@@ -123,9 +136,22 @@ class Rig:
         """The first viewer, for scripts with one; core passes viewers explicitly."""
         return self.viewers[0]
 
-    @property
+    @cached_property
     def display(self) -> Display:
-        return self.displays[0]
+        """The display; several, and screens, count as one."""
+        return join(self.lit)
+
+    @property
+    def lit(self) -> tuple[Display, ...]:
+        """All displays, then all screens: light of the viewers ends on them."""
+        return (*self.displays, *self.screens)
+
+    @cached_property
+    def joined(self) -> "Rig":
+        """The rig as traced: with one display, and no screens or projectors."""
+        if self.displays == (self.display,) and not self.projectors:
+            return self
+        return replace(self, displays=(self.display,), screens=(), projectors=())
 
     @property
     def picture(self) -> Picture:
@@ -161,28 +187,21 @@ class Rig:
             for part in self.of(role):
                 yield role, part
 
-    def for_each_display(self) -> tuple["Rig", ...]:
-        """A rig to solve for each display; the other displays stop light."""
-        stops = [Blocker(display.name, display.mesh) for display in self.displays]
-        return tuple(
-            replace(self, displays=(one,), blockers=(*self.blockers, *stops[:k], *stops[k + 1 :]))
-            for k, one in enumerate(self.displays)
-        )
-
     @cached_property
     def light_keys(self) -> tuple[str, ...]:
         """For each viewer, a cached key of everything its light meets.
 
-        The key ignores other viewers, weights and the picture.
+        The key ignores other viewers, projectors, weights and the picture.
         """
         # meshes are large, and their hashes cached
         met = {
             role.field: tuple(replace(part, mesh=part.mesh.fingerprint) for part in self.of(role))
-            for role in MET_ROLES
+            for role in ROLES
+            if role.kind is not None or role.name == "SCREEN"
         }
         # landings do not depend on the black level
         met["displays"] = tuple(replace(one, black_level=0.0) for one in met["displays"])
-        of_all = fingerprint(replace(self, viewers=(), pictures=(), **met))
+        of_all = fingerprint(replace(self, viewers=(), pictures=(), projectors=(), **met))
         return tuple(fingerprint(of_all, replace(one, weight=1.0)) for one in self.viewers)
 
     def curved_parts(self) -> tuple[Any, ...]:
@@ -203,6 +222,7 @@ class Rig:
         for role, part in self.parts():
             part.check_shape(owner(role, part))
 
+        check_displays(self.lit)
         check_together(self.viewers, self.plates, bool(self.mirrors))
         if self.has_own_images:
             check_own_images(self.viewers, self.picture)
@@ -213,7 +233,8 @@ class Rig:
         in_order = (*others, viewer)
 
         for role in in_order:
-            if role.remedy and not self.of(role):
+            found = self.lit if role.name == "DISPLAY" else self.of(role)
+            if role.remedy and not found:
                 raise RigError(
                     "The rig has no {noun}: {remedy}.", noun=role.noun, remedy=role.remedy
                 )
@@ -228,6 +249,13 @@ class Rig:
                     field=as_message(role.field),
                     names=names,
                 )
+
+        if self.screens and not self.projectors:
+            raise RigError("The rig has screens but no projector: make a camera a projector.")
+        if self.projectors and not self.screens:
+            raise RigError(
+                "The rig has projectors but no screen: set the role of a surface to Screen."
+            )
 
 
 # in the order of the rig's fields

@@ -118,6 +118,11 @@ class Viewer(Part):
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Projector(Viewer):
+    """A projector: light leaves its pixels along the rays that would enter a camera's."""
+
+
 def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirrors: bool) -> None:
     """Raise RigError for a repeated viewer, a repeated name, or a plate between two viewers.
 

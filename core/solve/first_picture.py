@@ -43,11 +43,11 @@ def coarser(rig: Rig, settings: Settings, side: int | None = None) -> tuple[Rig,
     side : longer side of each viewer, px; None for the default
     """
     side = side or _viewer_side(rig)
-    n = -(-_longer_side(rig.display) // DISPLAY_PX)
+    n = -(-max(map(_longer_side, rig.lit)) // DISPLAY_PX)
     coarse_rig = replace(
-        rig,
+        rig.joined,
         viewers=tuple(_shrunk(one, -(-_longer_side(one) // side)) for one in rig.viewers),
-        displays=tuple(_shrunk(one, n) for one in rig.displays),
+        displays=(_shrunk(rig.display, n),),
     )
     return coarse_rig, replace(
         settings,

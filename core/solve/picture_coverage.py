@@ -14,9 +14,10 @@ from ..base.words import percent
 from ..image.picture import cover_in_view, of_square, picture_from_view, why_unseen
 from ..light.rays import REASON_WORDS, Reason
 from ..map.view_map import ViewMap
+from ..rig.joined_display import sections_of
 from ..rig.rig import PicturePlace, Rig
 from ..rig.viewer import Viewer
-from .channel import Traced
+from .channel import Channel, Traced
 
 UNSEEN_PX2 = 1e-6  # viewer px^2: a smaller picture is seen edge-on or not at all
 TOO_FINE = Message("finer than a viewer pixel")
@@ -75,6 +76,21 @@ def of_the_picture(
         misses[TOO_FINE] = between
 
     return float(1 - unseen / shown), misses
+
+
+def of_displays(channel: Channel) -> Steps[tuple[float, ...]]:
+    """Fraction of the picture, as a viewer sees it, on each of the rig's displays and screens."""
+    rig, viewer = channel.plan.rig, channel.viewer
+    cover = cover_in_view(rig.place_of(viewer), viewer).ravel()
+    tops = [one.top for one in sections_of(rig.lit)]
+    shown = np.zeros(len(tops))
+    for shares in channel.shares.pausing():
+        yield 0
+        if shares is not None:
+            row = shares.display_index // shares.display_size[0]
+            number = np.searchsorted(tops, row, side="right") - 1
+            shown += np.bincount(number, shares.area * cover[shares.view_index], len(tops))
+    return tuple(float(part) for part in np.minimum(shown / cover.sum(), 1.0))
 
 
 def check_seen(picture: PicturePlace, viewer: Viewer) -> None:

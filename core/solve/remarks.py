@@ -155,11 +155,12 @@ def on_black(rig: Rig, light: NDArray[np.float32]) -> Iterator[Remark]:
     black_level = rig.display.black_level
     if not black_level:
         return
+    black = np.squeeze(rig.display.black_in(light), axis=-1) if len(rig.lit) > 1 else black_level
 
     # Pixels outside the picture are dark by intention.
     brightest = light.max(axis=2)
     n_wanted = np.count_nonzero(brightest > 0)
-    n_dark = np.count_nonzero((brightest > 0) & (brightest < black_level))
+    n_dark = np.count_nonzero((brightest > 0) & (brightest < black))
     if n_dark:
         yield note(
             "{share} of the source image should be darker than the black of '{display}'"
@@ -200,6 +201,7 @@ BEYOND = 0.01  # fraction of the view that may exceed the tolerance without a re
 # Fraction of the picture's light at contradicting normals that is worth a remark. A ball has some
 # along its outline.
 LEAST_CONTRADICTED = 0.01
+LEAST_SHOWN = 1e-6  # fraction of the picture on a display that is not dark
 UNDECIDED = 0.01  # fraction of the light with an uncertain path
 # fraction of the cut-off light that never leaves; above it a higher Max Events does not help
 MOST_CAUGHT = 0.9
@@ -216,6 +218,33 @@ def remarks_on(channels: Sequence[Channel], light: NDArray[np.float32]) -> tuple
     plan = channels[0].plan
     remarks += _on_disagreement(plan.rig, plan.settings)
     return tuple(remarks)
+
+
+def remarks_on_displays(rig: Rig, by_display: Sequence[Sequence[float]]) -> tuple[Remark, ...]:
+    """Remarks on several displays and screens: what each shows, and which stay dark.
+
+    by_display : for each channel the fraction of the picture on each; empty for a single display
+    """
+    if not by_display:
+        return ()
+
+    clauses = [
+        Message("'{name}' {share}", name=display.name, share=percent(share))
+        for display, share in zip(rig.lit, by_display[0], strict=True)
+    ]
+    dark = np.max(by_display, axis=0) < LEAST_SHOWN
+    return (
+        note("Parts of the picture by display: {shares}.", shares=joined(clauses, ", ")),
+        *(
+            warning(
+                "'{name}' stays dark, since no viewer sees the picture on it: move it, or set its"
+                " role to None.",
+                name=display.name,
+            )
+            for display, is_dark in zip(rig.lit, dark, strict=True)
+            if is_dark
+        ),
+    )
 
 
 def _on_disagreement(rig: Rig, settings: Settings) -> Iterator[Remark]:

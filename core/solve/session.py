@@ -40,8 +40,15 @@ from .channel import (
 from .disagreement import Settled, is_comparable, is_sharp, settle
 from .memory import check_memory, check_traced
 from .painting import PASS, Clock, Placed, finished, paint, place
-from .picture_coverage import check_seen, why_dark
-from .remarks import remarks_on
+from .picture_coverage import check_seen, of_displays, why_dark
+from .projection import (
+    Projection,
+    project,
+    remarks_on_projectors,
+    settings_of_projectors,
+    trace_projector,
+)
+from .remarks import remarks_on, remarks_on_displays
 from .solution import Solution
 
 
@@ -221,6 +228,7 @@ class Session:
         self._optics: Optics | None = None
         self._placed: PlacedParts | None = None
         self._pyramids: tuple[Pyramid, ...] = ()  # for each channel's image
+        self._projections: dict[str, Projection] = {}
         self.is_tracing = False  # whether a view map is being traced
 
     def solve(
@@ -240,9 +248,38 @@ class Session:
             One sentence on the rig's fault; the session stays as it was.
         """
         settings = settings or Settings()
-        clock = Clock()
         rig.check()
         settings.check()
+        if not rig.projectors:
+            return (yield from self._solve(rig, settings, show))
+
+        projections = yield from subprogress(self._trace_projectors(rig, settings), 0.0, 0.4)
+        found = yield from subprogress(self._solve(rig, settings, show), 0.4, 0.9)
+        images = yield from subprogress(project(projections, rig, found.source), 0.9, 1.0)
+        remarks = found.remarks + remarks_on_projectors(projections, rig, found.source)
+        yield 1.0
+        return replace(found, projected=images, remarks=remarks)
+
+    def _trace_projectors(
+        self, rig: Rig, settings: Settings
+    ) -> Generator[float, None, tuple[Projection, ...]]:
+        """Light of all projectors, from the cache if it is there; yields progress 0..1."""
+        keys = replace(rig, viewers=rig.projectors).light_keys
+        keys = tuple(fingerprint(key, settings_of_projectors(settings)) for key in keys)
+        found = {key: one for key, one in self._projections.items() if key in keys}
+        for k, (key, projector) in enumerate(zip(keys, rig.projectors, strict=True)):
+            if key not in found:
+                steps = trace_projector(rig, projector, settings, self._cache)
+                span = section((0.0, 1.0), k, len(keys))
+                found[key] = yield from subprogress(steps, *span)
+        self._projections = found
+        return tuple(found[key] for key in keys)
+
+    def _solve(
+        self, rig: Rig, settings: Settings, show: Callable[[NDArray[np.float32]], None] | None
+    ) -> Generator[float, None, Solution]:
+        """`solve` without projectors."""
+        clock = Clock()
         keys = keys_of(rig, settings)
         clock.lap("fingerprint")
 
@@ -285,6 +322,9 @@ class Session:
         yield measured[0]
         n_rays += yield from subprogress(measure(to_be_measured, clock), *measured)
         channels = channels_of(plans, optics, placed, light)
+        by_display = []
+        for channel in channels if len(rig.lit) > 1 else ():
+            by_display.append((yield from hold_progress(measured[1], of_displays(channel))))
         clock.lap("coverage")
 
         yield 1.0
@@ -296,7 +336,8 @@ class Session:
             n_rays=n_rays,
             used=channels[0].plan.used,
             left_out=channels[0].plan.left_out + (() if is_new else (UNTRACED,)),
-            remarks=remarks_on(channels, light),
+            remarks=remarks_on(channels, light) + remarks_on_displays(rig, by_display),
+            by_display=by_display[0] if by_display else (),
             settled=placed.settled,
         )
 

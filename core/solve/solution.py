@@ -11,6 +11,7 @@ from ..base.arrays import Floats
 from ..base.messages import Message
 from ..base.numbers import millimetres
 from ..base.steps import Steps
+from ..rig.joined_display import Section, sections_of
 from ..rig.rig import ConstantIndex, Rig
 from ..rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE
 from .channel import Channel
@@ -55,6 +56,9 @@ class Solution:
     remarks : notes to the user
     settled : places settled between viewers; None with one viewer, and unless the picture is a flat
         rectangle
+    by_display : of several displays and screens, the fraction of the picture, as the first viewer
+        sees it, that each shows
+    projected : (h, w, 3) float32 linear, an image for each projector
     """
 
     rig: Rig
@@ -66,6 +70,13 @@ class Solution:
     left_out: tuple[str, ...]
     remarks: tuple[Remark, ...]
     settled: Settled | None = None
+    by_display: tuple[float, ...] = ()
+    projected: tuple[NDArray[np.float32], ...] = ()
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """The rows of the source image for each display, then for each screen."""
+        return sections_of(self.rig.lit)
 
     @property
     def first(self) -> Channel:

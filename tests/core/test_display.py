@@ -6,13 +6,16 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
+from kiriko.core.base.errors import RigError
 from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.display import display_plane, uv_islands
 from kiriko.core.light.mesh_cache import MeshCache
 from kiriko.core.light.trace import trace_all
+from kiriko.core.rig.joined_display import sections_of
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from known import closed_forms
@@ -230,9 +233,8 @@ def test_what_a_plan_keeps_is_of_the_same_display_and_plate():
     assert fingerprint(found.display) == fingerprint(first.display)
 
 
-def test_two_displays_have_each_their_own_landings_and_source_image():
-    """Halves of a display, side by side, show what the whole one does: each ray lands on one."""
-    whole = rig(box([0.3, 0.02, 0.3]), pixels=48, display_pixels=64)
+def halves_of(whole):
+    """The rig with its display cut into two, side by side."""
     mesh, display = whole.display.mesh, whole.display
     corners = mesh.corners.reshape(-1, 3)
     origin, right, up = (
@@ -243,23 +245,63 @@ def test_two_displays_have_each_their_own_landings_and_source_image():
         replace(
             display,
             name=f"half {k}",
-            width=32,
+            width=display.width // 2,
             mesh=Mesh(np.stack([a, b, b + up - origin, a + up - origin]), QUAD, uv=QUAD_UV),
         )
         for k, (a, b) in enumerate(pairwise(places))
     )
-    both = replace(whole, displays=halves)
-    rigs = both.for_each_display()
+    return replace(whole, displays=halves)
+
+
+def test_two_displays_have_each_their_own_landings_and_source_image():
+    """Halves of a display, side by side, show what the whole one does, and all of the picture."""
+    whole = rig(box([0.3, 0.02, 0.3]), pixels=48, display_pixels=64)
+    both = halves_of(whole)
 
     o, d = whole.viewer.rays(np.random.default_rng(0).uniform(0, 48, (500, 2)))
     expected = trace_all(compile_plan(whole, Settings()), o, d)
-    found = [trace_all(compile_plan(one, Settings()), o, d) for one in rigs]
-    is_right = expected.xy[:, 0] > 32
-    for k, landings in enumerate(found):
-        mine = expected.has_arrived & (is_right == k)
-        np.testing.assert_array_equal(landings.has_arrived, mine)
-        np.testing.assert_allclose(landings.xy[mine], expected.xy[mine] - [32 * k, 0], atol=1e-9)
-    assert all(landings.has_arrived.any() for landings in found)
+    found = trace_all(compile_plan(both, Settings()), o, d)
+    is_right = (expected.xy[:, 0] > 32)[expected.has_arrived]
+    _, second = sections_of(both.lit)
+    np.testing.assert_array_equal(found.has_arrived, expected.has_arrived)
+    moved = expected.xy[expected.has_arrived] + np.where(is_right, [[-32], [second.top]], 0).T
+    np.testing.assert_allclose(found.xy[found.has_arrived], moved, atol=1e-9)
 
-    source = np.concatenate([solve(one).source for one in rigs], axis=1)
-    assert np.abs(source - solve(whole).source)[:, [*range(30), *range(34, 64)]].max() < 0.02
+    solution, one = solve(both), solve(whole)
+    source = np.concatenate([section.of(solution.source) for section in solution.sections], axis=1)
+    inner = [*range(30), *range(34, 64)]
+    assert np.abs(source - one.source)[:, inner].max() < 1e-5
+    assert solution.picture_coverage == pytest.approx(one.picture_coverage, abs=1e-3)
+    assert sum(solution.by_display) == pytest.approx(solution.picture_coverage, abs=1e-3)
+
+
+def test_a_display_without_light_is_dark_and_named():
+    """The others show the same as without it, each over its own black level."""
+    both = halves_of(rig(box([0.3, 0.02, 0.3]), pixels=48, display_pixels=64))
+    far = rectangle([1.0, 1, 1], np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), 0.1, 0.1)
+    dim = replace(both.displays[0], name="far", mesh=far, black_level=0.1)
+    solution, without = solve(replace(both, displays=(dim, *both.displays))), solve(both)
+    first, *others = (section.of(solution.source) for section in solution.sections)
+    assert not first.any()
+    for one, section in zip(others, without.sections, strict=True):
+        np.testing.assert_allclose(one, section.of(without.source), atol=1e-6)
+    assert any(note.startswith("'far' stays dark") for note in solution.notes)
+
+    light = solution.rig.display.light_of(solution.source)
+    assert solution.sections[0].of(light).max() == pytest.approx(0.1)
+    assert solution.sections[1].of(light).min() == 0
+
+
+def test_displays_that_overlap_are_refused():
+    """Displays that share an edge, or part of a plane apart from each other, are not."""
+    both = halves_of(rig(box([0.3, 0.02, 0.3]), pixels=48, display_pixels=64))
+    one, other = both.displays
+    both.check()
+    step = 0.5 * (one.mesh.vertices[1] - one.mesh.vertices[0])
+    over = replace(other, mesh=replace(other.mesh, vertices=other.mesh.vertices - step))
+    for displays in ((one, replace(one, name="again")), (one, over)):
+        with pytest.raises(RigError, match="overlap: move them apart"):
+            replace(both, displays=displays).check()
+    large = replace(other, mesh=replace(other.mesh, uv=1.2 * other.mesh.uv))
+    with pytest.raises(RigError, match="The UV map of 'half 1' is larger than its image"):
+        replace(both, displays=(one, large)).check()
