@@ -105,13 +105,13 @@ class Rig:
         "DISPLAY", Message("Display"), kind=4, number=4, icon="RESTRICT_VIEW_OFF",
         tip="Shows the source image on its front, by its UV map",
         remedy=_set_role("Display"),
-        is_mapped=True, may_be_off=True,
+        is_made=True, is_mapped=True, may_be_off=True,
     ))
     pictures: tuple[Picture | PicturePlace, ...] = _parts_of(Role(
         "PICTURE", Message("Picture"), number=5, icon="IMAGE_DATA",
         tip="Textured plane to be seen undistorted by the viewer",
         remedy=Message("choose an image, or set the role of a textured plane to Picture"),
-        is_single=True, is_mapped=True,
+        is_single=True, is_made=True, is_mapped=True,
     ), ())
     mirrors: tuple[Mirror, ...] = _parts_of(Role(
         "MIRROR", Message("Mirror"), kind=2, number=3, icon="MOD_MIRROR",

@@ -20,6 +20,7 @@ class Role:
     remedy : for a rig without one; '' if optional
     is_missed : refuse a rig with all of them hidden, which would be a different rig
     is_single : a rig has one at most
+    is_made : Add Rig makes one
     is_curved : smooth shading means a curved surface
     is_mapped : its UV map is used
     may_be_off : may be misplaced on a real bench
@@ -35,6 +36,7 @@ class Role:
     remedy: str = ""
     is_missed: bool = False
     is_single: bool = False
+    is_made: bool = False
     is_curved: bool = False
     is_mapped: bool = False
     may_be_off: bool = False

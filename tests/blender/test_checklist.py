@@ -400,12 +400,12 @@ def test_a_part_whose_place_is_no_number_is_refused(look: Callable[[], list], se
         bpy.ops.kiriko.solve()
 
 
-def test_two_displays_are_one_too_many(look: Callable[[], list]) -> None:
+def test_two_pictures_are_one_too_many(look: Callable[[], list]) -> None:
     """Each may be left out, and stays where it is."""
     small_rig()
-    other = new_object(primitive("grid", x_segments=1, y_segments=1, size=1), "DISPLAY")
+    other = new_object(primitive("grid", x_segments=1, y_segments=1, size=1), "PICTURE")
     entries = look()
-    assert "2 objects have the role Display" in " ".join(told(entries))
+    assert "2 objects have the role Picture" in " ".join(told(entries))
     (entry,) = (e for e in entries if "2 objects" in e.text)
     names = [dict(button.properties)["part"] for button in entry.buttons]
     press(entries, "2 objects", names.index(other.name))

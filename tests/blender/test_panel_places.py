@@ -122,8 +122,8 @@ def changes(scene: bpy.types.Scene) -> Iterator[str]:
     yield "solved"
     scene.kiriko.result.is_coarse = True
     yield "coarse"
-    new_object(primitive("cube", size=0.01), "DISPLAY")
-    yield "with two displays"
+    new_object(primitive("cube", size=0.01), "PICTURE")
+    yield "with two pictures"
 
 
 def test_no_change_of_the_checklist_moves_a_main_button(

@@ -219,7 +219,7 @@ def test_parts_that_were_duplicated_become_a_rig(
     label = "Duplicate Rig"
     for copies in reversed(sets):
         choose(first)
-        with pytest.raises(RuntimeError, match=r"\d (displays|objects have the role Display)"):
+        with pytest.raises(RuntimeError, match=r"\d (pictures|objects have the role Picture)"):
             bpy.ops.kiriko.solve()
         press(to_do.look_now(bpy.context), label)
         look(kiriko)

@@ -20,6 +20,7 @@ from .findings import APPEARANCE, SHAPE, findings_of, naming
 from .to_do import ADVICE, PROBLEM, SOLVE, Button, Entry, Inspection, Named, Thing
 
 SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}
+ADDED = {role.name for role in ROLES if role.is_made}
 MADE = {
     role.name: Message("Make a {part}", part=role.label)
     for role in ROLES
@@ -108,7 +109,7 @@ def _on_missing(seen: Inspection) -> Iterator[Entry]:
         return
 
     roles = {thing.role for thing in seen.things}
-    is_new = not (seen.has_rig or roles & set(SINGLE))  # too few parts to place one more
+    is_new = not (seen.has_rig or roles & ADDED)  # too few parts to place one more
     is_offered = False
     for role, phrase in seen.missing:
         hidden = next((t for t in seen.things if t.role == role and t.hidden_by), None)

@@ -162,7 +162,7 @@ def read_bench(
             in_blender(role.name).read(part, cache).part for part in by_role[role.name]
         )
         for role in ROLES
-        if role.kind is not None and not role.is_single and role.name != "GLASS"
+        if role.kind is not None and not role.is_made and role.name != "GLASS"
     }
     rig = Rig(viewers=(), glasses=tuple(found), displays=(), **others)
     not_refracting = tuple(thing for thing in glasses if thing.name in opaque)
