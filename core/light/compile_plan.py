@@ -20,7 +20,6 @@ from ..rig.settings import Settings
 from .display import display_plane
 from .engines import engine_kind
 from .interaction_display import NEAR
-from .interactions import INTERACTIONS
 from .kernel_tracer import Kernel
 from .media import Media, boxes_touch, find_touching, grown, make_media
 from .mesh_cache import MeshCache
@@ -136,6 +135,7 @@ def compile_plan_steps(
     """
     rig = rig.joined
     mesh_cache = mesh_cache or MeshCache()
+    settings = settings.for_rig(rig)
     deferred_boxes = grown(
         np.array([rig.glasses[i].mesh.bounds for i in deferred]).reshape(-1, 2, 3)
     )
@@ -146,7 +146,7 @@ def compile_plan_steps(
 
     # positions are float32: glass faces closer than the rounding error touch
     boxes = np.stack([surface.bounds for surface in parts.surfaces])
-    touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
+    touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max(initial=0.0))
     touch = find_touching(parts.solids, parts.surfaces, parts.is_closed, touching)
     yield 0
     media = make_media(parts.solids, touch, settings.wavelength)
@@ -187,7 +187,7 @@ def compile_plan_steps(
         ),
         counts=parts.counts(rig),
         tracers=TRACERS,
-        n_copies=MOST_COPIES * any(INTERACTIONS[kind].splits for kind in parts.kind),
+        n_copies=MOST_COPIES * any(part.splits for _, part in rig.parts()),
     )
 
 
@@ -214,7 +214,7 @@ def _make_layers(
 
         # bits of its solids in the masks of their clusters
         solid = [i for i in group if i < n_solids]
-        closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
+        closed, every = np.zeros((2, media.cluster.max(initial=0) + 1), np.uint64)
         np.bitwise_or.at(closed, media.cluster[solid], media.bit[solid] * parts.is_closed[solid])
         np.bitwise_or.at(every, media.cluster[solid], media.bit[solid])
         layers.append(

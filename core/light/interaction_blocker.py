@@ -2,7 +2,7 @@
 
 from ..base.arrays import Ints
 from ..glass.surfaces import Surface, make_surface
-from ..rig.rig import Blocker
+from ..rig.rig import Blocker, Retroreflector
 from .hits import Hits
 from .meetings import Interaction, key_of_facets
 from .mesh_cache import MeshCache
@@ -10,7 +10,7 @@ from .plan import Plan
 from .rays import Rays, Reason
 
 
-def surface(part: Blocker, mesh_cache: MeshCache) -> tuple[Surface, str]:
+def surface(part: Blocker | Retroreflector, mesh_cache: MeshCache) -> tuple[Surface, str]:
     """Its triangles, each flat."""
     return make_surface(part.mesh.flat()), key_of_facets(part.mesh)
 

@@ -75,6 +75,7 @@ def give_reasons(
     is_on : (n,) and on its image
     """
     misses_glass = ~rays.has_met_glass[i] & (~is_met | plan.settings.only_through_glass)
+    misses_glass &= plan.has_glass
     misses_plate = ~rays.has_met_plate[i] & (~is_met | (rays.light == "imaged")) & plan.needs_plate
     reason = np.select(
         [misses_glass, misses_plate, ~is_met, ~is_front, ~is_on],

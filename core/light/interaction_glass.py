@@ -7,7 +7,7 @@ from ..base.arrays import Ints, take
 from ..base.vectors import dot, normalise
 from .hits import Hits
 from .meetings import Interaction, shading_normals
-from .optics import refract
+from .optics import reflect, refract
 from .plan import Plan
 from .rays import FACE_PASS, FACE_TIR, PASS, TIR, Rays
 
@@ -26,7 +26,9 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     bends = n1 != n2
     if not bends.all():
         rays.mask[i[~bends]] = after[~bends]
-        i, n1, n2, before, after, patch = (x[bends] for x in (i, n1, n2, before, after, patch))
+        i, n1, n2, before, after, patch, part = (
+            x[bends] for x in (i, n1, n2, before, after, patch, part)
+        )
         hits = hits.at(bends)
 
     if not len(i):
@@ -44,9 +46,27 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
         out[wrong], is_tir[wrong], transmittance[wrong] = again
         is_own[wrong] = True
 
+    splitting = [] if not plan.n_copies else plan.part_of(hits.triangle)
+    for glass, some in splitting:
+        some = some[~is_tir[some]]
+        if not (glass.splits and len(some)):
+            continue
+        passed = transmittance[some]
+        splits, copies = rays.branch_off(i[some], 1 - passed, passed, glass.prefers)
+        at = some[splits]
+        mirrored = reflect(directions[at], shading[at])
+        wrong = dot(mirrored, geometric[at]) < 0
+        mirrored[wrong] = reflect(directions[at[wrong]], geometric[at[wrong]])
+        rays.directions[copies] = normalise(mirrored)
+        rays.last_part[copies] = part[at]
+        rays.mask[copies] = before[at]
+        event = np.where(is_own[at] | wrong, FACE_TIR, TIR)
+        rays.add_to_branch(copies, patch[at], event)
+        transmittance[some] = 1.0  # it counts already
+
     rays.directions[i] = normalise(out)
     # a reflected ray may hit a coincident thin surface again, but not glass faces behind it
-    rays.last_part[i[is_tir]] = plan.triangles.part[hits.triangle[is_tir]]
+    rays.last_part[i[is_tir]] = part[is_tir]
     rays.mask[i] = np.where(is_tir, before, after)
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..base.arrays import Ints
+from ..base.arrays import Bools, Floats, Ints
 from ..base.vectors import dot, normalise
 from ..glass.surfaces import Surface, make_surface
-from ..rig.rig import Mirror
+from ..rig.rig import HalfMirror, Mirror
 from .hits import Hits
 from .meetings import Interaction, shading_normals
 from .mesh_cache import MeshCache
@@ -14,23 +14,28 @@ from .plan import Plan
 from .rays import FACE_MIRROR, MIRROR, Rays
 
 
-def surface(part: Mirror, mesh_cache: MeshCache) -> tuple[Surface, str]:
+def surface(part: Mirror | HalfMirror, mesh_cache: MeshCache) -> tuple[Surface, str]:
     """The surface, possibly curved, and its key."""
     key = part.mesh.fingerprint
     return mesh_cache.get(key, lambda: make_surface(part.mesh)), f"{key}/0"
 
 
-def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """Reflect the rays; by the face's own normal if a bent one would send light through."""
-    directions = rays.directions[i]
+def mirrored(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Bools]:
+    """Reflected directions (n, 3), and where (n,) by the face's own normal, because a bent one
+    would send light through.
+    """
     geometric, shading, is_own = shading_normals(plan, directions, hits)
-
     out = reflect(directions, shading)
     wrong = dot(out, geometric) < 0
     out[wrong] = reflect(directions[wrong], geometric[wrong])
+    return out, is_own | wrong
 
+
+def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+    """Reflect the rays."""
+    out, is_own = mirrored(plan, rays.directions[i], hits)
     rays.directions[i] = normalise(out)
-    event = np.where(is_own | wrong, FACE_MIRROR, MIRROR)
+    event = np.where(is_own, FACE_MIRROR, MIRROR)
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], event)
 
 

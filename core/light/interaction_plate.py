@@ -8,7 +8,7 @@ from ..base.arrays import Ints
 from ..base.errors import RigError
 from ..base.vectors import dot
 from ..glass.surfaces import Surface, make_surface
-from ..rig.rig import Plate
+from ..rig.rig import Lens, Plate
 from .hits import Hits
 from .interaction_display import end_beyond_plate
 from .meetings import Interaction, key_of_facets
@@ -18,18 +18,18 @@ from .plan import Plan
 from .plate import ArrayFrame, PlatePath, array_frame
 from .rays import PLATE, Rays
 
-# largest distance of a plate's vertices from its plane, relative to its size
+# largest distance of a flat part's vertices from its plane, relative to its size
 PLATE_FLATNESS = 1e-6
 
 
-def surface(plate: Plate, mesh_cache: MeshCache) -> tuple[Surface, str]:
-    """A plate's triangles as one patch of one plane; RigError if they are not coplanar."""
-    key = key_of_facets(plate.mesh)
-    return mesh_cache.get(f"plate {key}", lambda: _plane(plate)), key
+def flat_surface(part: Plate | Lens, mesh_cache: MeshCache) -> tuple[Surface, str]:
+    """A flat part's triangles as one patch of one plane; RigError if they are not coplanar."""
+    key = key_of_facets(part.mesh)
+    return mesh_cache.get(f"plane {key}", lambda: _plane(part)), key
 
 
-def _plane(plate: Plate) -> Surface:
-    facets = make_surface(plate.mesh.flat())
+def _plane(part: Plate | Lens) -> Surface:
+    facets = make_surface(part.mesh.flat())
     corners = facets.corners.reshape(-1, 3)
     centre = corners.mean(axis=0)
 
@@ -42,11 +42,11 @@ def _plane(plate: Plate) -> Surface:
 
     length = np.linalg.norm(normal)
     if length == 0:
-        raise RigError("The plate '{plate}' has no area: scale it up.", plate=plate.name)
+        raise RigError("'{name}' has no area: scale it up.", name=part.name)
 
     normal /= length
     if np.abs((corners - centre) @ normal).max() > PLATE_FLATNESS * np.ptp(corners, axis=0).max():
-        raise RigError("The plate '{plate}' is not a flat plane: replace it.", plate=plate.name)
+        raise RigError("'{name}' is not a flat plane: replace it.", name=part.name)
 
     n = len(facets.corners)
     return replace(facets, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
@@ -96,4 +96,4 @@ def _cross_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
             rays.throughput[some] *= crossing.throughput
 
 
-INTERACTION = Interaction(interact, surface, element=element)
+INTERACTION = Interaction(interact, flat_surface, element=element)

@@ -6,6 +6,7 @@ It accesses plans, layers and rays through pointers to numpy's arrays.
 import ctypes
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import get_args
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,11 +22,14 @@ from ..native.structures import (
     CurvedStructure,
     HalvingStructure,
     LayerStructure,
+    LensStructure,
     Made,
     PlanStructure,
     RayStateStructure,
+    SplitStructure,
 )
-from ..rig.viewer import Viewer
+from ..rig.rig import Glass, HalfMirror, Preference, Viewer
+from .interaction_lens import LensFrame
 from .kernel_trees import cached, face_tree_steps, frames_of, has_face_tree, shell_tree_steps
 from .layer_hits import count_starts
 from .plan import Ends, Halving, Plan, PlannedLayer
@@ -129,7 +133,7 @@ def make_layer(held: PlannedLayer, part: Ints) -> Made:
 
 FOR_EVER = 1 << 31  # events
 # as in kiriko.h; plans with other kinds are left to numpy
-KINDS = (*range(5), 31)  # the last splits rays, for tests
+KINDS = range(8)
 LAYOUTS = "crossed", "holes", "radial"
 UNSUPPORTED = Message("unsupported parts")
 _plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
@@ -185,7 +189,8 @@ def _make_plan(plan: Plan) -> Made | None:
         n_triangles=len(plan.triangles),
         merge_distance=plan.merge_distance,
         max_events=min(settings.max_events, FOR_EVER),
-        only_through_glass=bool(settings.only_through_glass),
+        has_glass=plan.has_glass,
+        only_through_glass=bool(settings.only_through_glass and plan.has_glass),
         needs_plate=plan.needs_plate,
         looks_beside=bool(settings.looks_past_glass),
         brightness=bool(settings.brightness),
@@ -239,8 +244,28 @@ def _point_to_tables(made: Made, plan: Plan) -> None:
     made.set(n_open=len(plan.open_parts), n_deferred=len(plan.deferred.boxes))
 
 
+def _make_split(element: HalfMirror | Glass) -> Made | None:
+    if not element.splits:
+        return None
+    made = Made(SplitStructure)
+    r, t = element.shares if isinstance(element, HalfMirror) else (0.0, 0.0)
+    made.set(reflectance=r, transmittance=t, prefers=get_args(Preference).index(element.prefers))
+    return made
+
+
+def _make_lens(frame: LensFrame) -> Made:
+    made = Made(LensStructure)
+    made.set(centre=frame.centre, focal_length=frame.focal_length)
+    return made
+
+
 # element types read by the kernel; NULL for others
-ELEMENTS = {ArrayFrame: _make_array}
+ELEMENTS = {
+    ArrayFrame: _make_array,
+    Glass: _make_split,
+    HalfMirror: _make_split,
+    LensFrame: _make_lens,
+}
 
 
 def _point_to_elements(made: Made, plan: Plan) -> None:
@@ -249,8 +274,9 @@ def _point_to_elements(made: Made, plan: Plan) -> None:
     for number, element in enumerate(plan.parts.elements):
         if type(element) in ELEMENTS:
             one = ELEMENTS[type(element)](element)
-            made.keep(one)
-            addresses[number] = ctypes.addressof(one.structure)
+            if one is not None:
+                made.keep(one)
+                addresses[number] = ctypes.addressof(one.structure)
     made.point("elements", addresses, np.uintp)
 
 
@@ -307,7 +333,7 @@ LIGHTS = "imaged", "folded", "reflected"
 STATE = {  # arrays of rays.py's Rays, which the kernel reads and writes in place
     **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
     **dict.fromkeys(("mask", "branch"), np.uint64),
-    **dict.fromkeys(("cluster", "n_events", "last_part", "leak", "n_words"), np.int64),
+    **dict.fromkeys(("cluster", "n_events", "rank", "last_part", "leak", "n_words"), np.int64),
     **dict.fromkeys(("reason", "plate_path"), np.uint8),
     **dict.fromkeys(("has_met_glass", "has_met_plate", "is_astray", "has_ended"), np.bool_),
     "is_begun": np.bool_,
@@ -333,8 +359,8 @@ class RecordedPaths:
         # most rays have few events, so most of the zeros are never touched
         return cls(np.empty((m, n, 3)), np.zeros((m, n), np.int64), np.full(n, -1, np.int64))
 
-    def begin_again(self, some: slice) -> None:
-        """Reset the paths of some rays."""
+    def begin_again(self, some: Ints) -> None:
+        """Reset the paths of some rows."""
         self.met[:, some] = 0
         self.left_at[some] = -1
 
@@ -373,7 +399,8 @@ class Kernel:
 
     def rays_at_once(self, plan: Plan, most: int) -> int:
         """Number of rays, up to `most`, to follow at once when paths or courses are recorded."""
-        return min(most, max(1, MOST_RECORDED // (PLACE * (plan.settings.max_events + 1))))
+        bytes_of_ray = PLACE * (plan.settings.max_events + 1) * (1 + plan.n_copies)
+        return min(most, max(1, MOST_RECORDED // bytes_of_ray))
 
     def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Steps[None]:
         """Follow live rays to their ends."""
@@ -389,7 +416,7 @@ class Kernel:
         if rays.is_recorded:
             rays.course = np.zeros((len(rays.mask), n_events + 1), np.uint64)
 
-        paths = RecordedPaths.none(n, n_events) if has_paths else None
+        paths = RecordedPaths.none(len(rays.mask), n_events) if has_paths else None
 
         is_reached = np.zeros(len(plan.deferred.boxes), np.uint8)
         made = state_of(rays, paths, is_reached)
@@ -412,7 +439,7 @@ class Kernel:
                 yield from plan_steps(plan)
                 rays.begin_again(some, *begun)
                 if paths is not None:
-                    paths.begin_again(some)
+                    paths.begin_again(rays.rows_of(some))
                 is_reached[:], is_unready[0] = reached, 0
                 kernel.kiriko_follow(*structures, first, last, n_threads())
             yield last - first

@@ -27,7 +27,6 @@ class Interaction(NamedTuple):
     ends : no ray continues from it
     crosses : coincident faces of other layers are handled together; otherwise no hits of layers are
         passed
-    splits : rays may continue in copies (`Rays.split`)
     element : a part with the data computed once for a plan, as `plan.part_of` passes it to
         `interact`; from the part and its surface
     """
@@ -36,7 +35,6 @@ class Interaction(NamedTuple):
     surface: Callable[[Any, MeshCache], tuple[Surface, str]] | None
     ends: bool = False
     crosses: bool = False
-    splits: bool = False
     element: Callable[[Any, Surface], Any] = lambda part, surface: part
 
 

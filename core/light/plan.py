@@ -256,6 +256,11 @@ class Plan:
         return tuple(one for one in self.parts.elements if isinstance(one, ArrayFrame))
 
     @property
+    def has_glass(self) -> bool:
+        """Whether the rig has glass, which light can miss."""
+        return bool(self.rig.glasses)
+
+    @property
     def needs_plate(self) -> bool:
         """Whether only light that met a plate carries the picture; False in a rig without
         plates.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.messages import Message
+from ..rig.parts import Preference
 from .plate import PlatePath
 
 Words = NDArray[np.uint64]
@@ -48,6 +49,7 @@ class Landings:
     positions, directions : (n, 3) at the end, m, world
     throughput : (n,) of basic radiance
     n_events : (n,)
+    rank : (n,) turns onto a path that is not preferred, where light splits
     plate_path : (n,) of PlatePath
     leak : (n,) the part through whose gap the ray passed, -1 for none
 
@@ -64,6 +66,7 @@ class Landings:
     directions: Floats
     throughput: Floats
     n_events: Ints
+    rank: Ints
     plate_path: np.ndarray
     leak: Ints
 
@@ -111,8 +114,8 @@ def main_of(landings: Landings, n_rays: int, expected: Words | None = None) -> I
     """Index (n,) of each ray's main landing; -1 without one.
 
     Preferred in order: its expected branch, a place on the display plane, arrival on the display,
-    the largest throughput, the smallest branch number. The choice does not depend on the order of
-    landings.
+    the smallest rank, the largest throughput, the smallest branch number. The choice does not
+    depend on the order of landings.
 
     expected : (n,) branches, if available
     """
@@ -124,6 +127,7 @@ def main_of(landings: Landings, n_rays: int, expected: Words | None = None) -> I
     order = np.lexsort((
         landings.branch,
         -landings.throughput,
+        landings.rank,
         ~landings.has_arrived,
         landings.branch == 0,
         is_other,
@@ -155,6 +159,7 @@ def main_landings(landings: Landings, n_rays: int, expected: Words | None = None
         directions=np.full((n_rays, 3), np.nan),
         throughput=np.zeros(n_rays),
         n_events=np.zeros(n_rays, np.int64),
+        rank=np.zeros(n_rays, np.int64),
         plate_path=np.full(n_rays, PlatePath.NONE, landings.plate_path.dtype),
         leak=np.full(n_rays, -1, np.int64),
     )
@@ -176,6 +181,8 @@ class DeferredObjectError(Exception):
         super().__init__(boxes)
         self.boxes = boxes
 
+
+LEAST_THROUGHPUT = 1e-4  # of light that splits; fainter light ends
 
 # hash multiplier, the golden ratio's 64 bits; any odd number works
 _MIX = np.uint64(0x9E3779B97F4A7C15)
@@ -216,6 +223,7 @@ class Rays:
         self.xy = np.full((n, 2), np.nan)
         self.throughput = np.ones(n)
         self.n_events = np.zeros(n, np.int64)
+        self.rank = np.zeros(n, np.int64)
 
         self.has_met_glass = np.zeros(n, bool)
         self.has_met_plate = np.zeros(n, bool)
@@ -227,7 +235,7 @@ class Rays:
         self.live = np.arange(self.n_originals)
         # whether the copy exists
         self.is_begun = np.arange(n) < self.n_originals if n_copies else np.ones(n, bool)
-        self.born = np.empty(0, np.int64)  # new copies, not yet live
+        self.born = self.parents = np.empty(0, np.int64)  # new copies, not yet live, and their rays
         self.course = course
         self.is_recorded = is_recorded
         self.n_words = np.zeros(n, np.int64)
@@ -241,6 +249,28 @@ class Rays:
             self._by_copy(getattr(self, name))[:, some] = fresh._by_copy(values)
         if self.is_recorded:
             self._by_copy(self.course)[:, some] = 0
+
+    def branch_off(
+        self, rays: Ints, reflected: Floats, transmitted: Floats, prefers: Preference
+    ) -> tuple[Ints, Ints]:
+        """Continue rays (n,) as their transmitted light, and their reflected light in copies.
+
+        Returns which (m,) of them have a copy, and the copies' rows (m,). Fainter light than
+        LEAST_THROUGHPUT ends.
+
+        reflected, transmitted : (n,) shares of the light, 0..1
+        """
+        bright = np.flatnonzero(self.throughput[rays] * reflected >= LEAST_THROUGHPUT)
+        splits, copies = self.split(rays[bright])
+        splits = bright[splits]
+        self.throughput[copies] *= reflected[splits]
+        self.throughput[rays] *= transmitted
+        self.rank[copies] += prefers == "transmitted"
+        self.rank[rays] += prefers == "reflected"
+        faint = rays[self.throughput[rays] < LEAST_THROUGHPUT]
+        self.reason[faint] = Reason.BLOCKED
+        self.has_ended[faint] = True
+        return splits, copies
 
     def split(self, rays: Ints) -> tuple[Ints, Ints]:
         """Split some rays: which (m,) of them (n,) have copies left, and the rows (m,) of the new
@@ -261,11 +291,16 @@ class Rays:
         if self.is_recorded:
             self.course[copies[splits]] = self.course[rays[splits]]
         self.born = np.concatenate([self.born, copies[splits]])
+        self.parents = np.concatenate([self.parents, rays[splits]])
         return splits, copies[splits]
+
+    def rows_of(self, some: slice) -> Ints:
+        """Rows of some rays and of all their copies."""
+        return self._by_copy(np.arange(len(self.mask)))[:, some].ravel()
 
     def _rows(self) -> dict[str, np.ndarray]:
         """All arrays with a row for each ray and copy."""
-        others = "live", "born", "course"
+        others = "live", "born", "parents", "course"
         arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
         return {name: values for name, values in arrays.items() if name not in others}
 
@@ -303,7 +338,7 @@ class Rays:
 class Step(NamedTuple):
     """Rays between two events: hits with place and patch, and rays that left without a hit.
 
-    rays, left : (h,) and (l,) indices
+    rays, left : (h,) and (l,) indices; of copies, rows of `Rays`
     place : (h, 3) m
     patch, triangle : (h,) of the surface
     start, direction : (l, 3)
@@ -316,3 +351,46 @@ class Step(NamedTuple):
     left: Ints
     start: Floats
     direction: Floats
+
+
+def main_steps(steps: list[Step], main: Ints, n_rays: int) -> list[Step]:
+    """The steps of rays that split, each along the path to its main landing.
+
+    main : (n_rays,) row of each ray's main landing
+    """
+    is_main = np.zeros(max(int(main.max(initial=0)) + 1, n_rays), bool)
+    is_main[main] = True
+    chosen = []
+    for step in steps:
+        h, left = (
+            np.flatnonzero((rows < len(is_main)) & is_main[np.minimum(rows, len(is_main) - 1)])
+            for rows in (step.rays, step.left)
+        )
+        chosen.append(
+            Step(
+                step.rays[h] % n_rays, step.place[h], step.patch[h], step.triangle[h],
+                step.left[left] % n_rays, step.start[left], step.direction[left],
+            )
+        )  # fmt: skip
+    return chosen
+
+
+def copied_steps(steps: list[Step], parents: Ints, copies: Ints) -> list[Step]:
+    """Steps so far, with those of new copies (c,), which begin as their parents' (c,)."""
+    if not len(copies):
+        return steps
+    with_copies = []
+    for step in steps:
+        order = np.argsort(step.rays)
+        at = order[np.minimum(np.searchsorted(step.rays, parents, sorter=order), len(order) - 1)]
+        h = at[step.rays[at] == parents]
+        theirs = copies[step.rays[at] == parents]
+        with_copies.append(
+            step._replace(
+                rays=np.append(step.rays, theirs),
+                place=np.concatenate([step.place, step.place[h]]),
+                patch=np.append(step.patch, step.patch[h]),
+                triangle=np.append(step.triangle, step.triangle[h]),
+            )
+        )
+    return with_copies

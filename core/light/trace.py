@@ -13,7 +13,18 @@ from .hits import Accept, Hits, LayerSearch, slab
 from .interaction_display import NEAR, end_beneath_glass, end_without_hit, order_contacts
 from .interactions import ENDS, INTERACTIONS
 from .plan import Plan, PlannedLayer
-from .rays import DeferredObjectError, Landings, PlateLight, Rays, Step, Words, join
+from .rays import (
+    DeferredObjectError,
+    Landings,
+    PlateLight,
+    Rays,
+    Step,
+    Words,
+    copied_steps,
+    join,
+    main_of,
+    main_steps,
+)
 
 
 class _HitSides:
@@ -215,7 +226,12 @@ def tracing(
     """
     rays = Rays(origins, directions, course, False, light, plan.n_copies)
     yield from plan.tracer.follow(plan, rays, steps)
-    return _landings_of(rays)
+    landings = _landings_of(rays)
+    if steps and plan.n_copies:
+        rows = np.flatnonzero(rays.is_begun)
+        main = rows[main_of(landings, rays.n_originals)]
+        steps[:] = main_steps(steps, main, rays.n_originals)
+    return landings
 
 
 def _landings_of(rays: Rays) -> Landings:
@@ -231,6 +247,7 @@ def _landings_of(rays: Rays) -> Landings:
         directions=rays.directions,
         throughput=rays.throughput,
         n_events=rays.n_events,
+        rank=rays.rank,
         plate_path=rays.plate_path,
         leak=rays.leak,
     )
@@ -292,7 +309,10 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
             end_beneath_glass(plan, rays, hits, by_layer, before)
         is_over = rays.n_events[rays.live] >= plan.settings.max_events
         on = rays.live[~(ENDS[kind] | is_over | rays.has_ended[rays.live])]
-        born, rays.born = rays.born, rays.born[:0]
+        born, parents = rays.born, rays.parents
+        rays.born = rays.parents = born[:0]
+        if steps is not None:
+            steps[:] = copied_steps(steps, parents, born)
         is_over = rays.n_events[born] >= plan.settings.max_events
         rays.live = np.concatenate([on, put_off, born[~(is_over | rays.has_ended[born])]])
         yield n_live - len(rays.live)
@@ -308,18 +328,12 @@ def _interact(plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], kind: In
 
 
 def _step_of(plan: Plan, rays: Rays, hits: Hits, left: Ints) -> Step:
-    """The step of live rays to their hits, and of rays without one; copies are left out."""
-    is_original = rays.live < rays.n_originals
-    triangle, live, left = (
-        hits.triangle[is_original],
-        rays.live[is_original],
-        left[left < rays.n_originals],
-    )
+    """The step of live rays to their hits, and of rays without one."""
     return Step(
-        rays=live,
-        place=rays.positions[live],
-        patch=plan.triangles.patch[triangle],
-        triangle=triangle,
+        rays=rays.live,
+        place=rays.positions[rays.live],
+        patch=plan.triangles.patch[hits.triangle],
+        triangle=hits.triangle,
         left=left,
         start=rays.positions[left],
         direction=rays.directions[left],

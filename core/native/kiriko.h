@@ -19,7 +19,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 12 /* raised when a structure's meaning changes, even at the same size */
+#define VERSION 13 /* raised when a structure's meaning changes, even at the same size */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define N_BITS 52           /* of a ray's mask, as in media.py */
@@ -34,7 +34,7 @@
 #define N_STARTS 4
 static const double STARTS[N_STARTS][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
 
-typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY, SPLITTER = 31 } Kind; /* the last is for tests */
+typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY, HALF_MIRROR, RETROREFLECTOR, LENS } Kind;
 
 typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED_DISPLAY, CUT_OFF } Reason;
 
@@ -113,6 +113,14 @@ typedef struct {
     int64_t layout, has_fresnel;
 } Array;
 
+/* How light splits: shares of a half mirror, and the path preferred if both arrive. */
+typedef enum { BRIGHTER, REFLECTED_FIRST, TRANSMITTED_FIRST } Preference;
+
+typedef struct {
+    double reflectance, transmittance;
+    int64_t prefers;
+} Split;
+
 typedef struct {
     double *normals, *corner_normals;  /* (t, 3), (t, 3, 3) or NULL */
     uint8_t *is_bent;                  /* (t,) */
@@ -120,7 +128,8 @@ typedef struct {
     int64_t *kind, *cluster, *sheet;   /* (p,) */
     uint8_t *is_closed, *is_clear;     /* (p,), (p, 2) */
     uint64_t *bit;                     /* (p,) */
-    const void **elements;             /* (p,) data of its interaction: an Array for a plate of mirrors; else NULL */
+    const void **elements;             /* (p,) data of its interaction: an Array for a plate of mirrors, a Split for a half
+                                          mirror and for glass that reflects, four doubles for a lens; else NULL */
     double *indices;                   /* (solids, N_BITS + 1) */
     int64_t n_triangles, n_open, n_deferred, n_layers;
     int64_t *open_part;                /* (n_open,) */
@@ -128,7 +137,7 @@ typedef struct {
     Layer *layers;
     int64_t *order;                    /* (n_layers,) order of searching */
     double merge_distance;
-    int64_t max_events, only_through_glass, needs_plate, looks_beside, brightness;
+    int64_t max_events, has_glass, only_through_glass, needs_plate, looks_beside, brightness;
     int64_t has_plane, is_by_glass, display_start;
     double plane_corner[3], plane_normal[3], plane_pixels[6], plane_origin[2];
     double *display_uv;                /* (., 3, 2) */
@@ -143,7 +152,7 @@ typedef struct {
     uint8_t *reason;
     uint64_t *branch;
     double *xy, *throughput;           /* (n, 2), (n,) */
-    int64_t *n_events;
+    int64_t *n_events, *rank;
     uint8_t *has_met_glass, *has_met_plate, *plate_path;
     int64_t *last_part, *leak;
     uint64_t *course;                  /* (n, width), or NULL */
@@ -151,7 +160,7 @@ typedef struct {
     int64_t *n_words;
     uint8_t *is_astray, *has_ended, *is_begun;
     int64_t n_asked, n_copies;         /* rows: first the traced rays, then the copies of rays that split */
-    int64_t n_rays, n_steps;           /* n; 0 if no path is recorded */
+    int64_t n_rays, n_steps;           /* rows; 0 if no path is recorded */
     double *places;                    /* (n_steps, n, 3): most paths only touch the first steps */
     int64_t *met;                      /* (n_steps, n) triangle numbers + 1; 0 for none */
     int64_t *left_at;                  /* (n,) event at which the ray left without a hit, -1 if it ended otherwise */

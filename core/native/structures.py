@@ -36,21 +36,24 @@ ArrayStructure = _structure(
     centre=_D * 3, axes=_D * 9, pitch=_D, height=_D, thickness=_D, ior=_D, reflectance=_D,
     crossing_error=_D, phase=_D * 2, layout=_I, has_fresnel=_I,
 )  # fmt: skip
+SplitStructure = _structure("SplitStructure", reflectance=_D, transmittance=_D, prefers=_I)
+LensStructure = _structure("LensStructure", centre=_D * 3, focal_length=_D)
 PlanStructure = _structure(
     "PlanStructure",
     normals=_P, corner_normals=_P, is_bent=_P, patch=_P, part=_P, kind=_P, cluster=_P, sheet=_P,
     is_closed=_P, is_clear=_P, bit=_P, elements=_P, indices=_P,
     n_triangles=_I, n_open=_I, n_deferred=_I, n_layers=_I, open_part=_P, open_box=_P,
-    deferred_box=_P, layers=_P, order=_P, merge_distance=_D, max_events=_I, only_through_glass=_I,
-    needs_plate=_I, looks_beside=_I, brightness=_I, has_plane=_I, is_by_glass=_I, display_start=_I,
+    deferred_box=_P, layers=_P, order=_P, merge_distance=_D, max_events=_I, has_glass=_I,
+    only_through_glass=_I, needs_plate=_I, looks_beside=_I, brightness=_I, has_plane=_I,
+    is_by_glass=_I, display_start=_I,
     plane_corner=_D * 3, plane_normal=_D * 3, plane_pixels=_D * 6, plane_origin=_D * 2,
     display_uv=_P, display_size=_D * 2,
 )  # fmt: skip
 RayStateStructure = _structure(
     "RayStateStructure",
     positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P,
-    throughput=_P, n_events=_P, has_met_glass=_P, has_met_plate=_P, plate_path=_P, last_part=_P,
-    leak=_P, course=_P, width=_I, is_recorded=_I, light=_I, n_words=_P, is_astray=_P,
+    throughput=_P, n_events=_P, rank=_P, has_met_glass=_P, has_met_plate=_P, plate_path=_P,
+    last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I, light=_I, n_words=_P, is_astray=_P,
     has_ended=_P, is_begun=_P, n_asked=_I, n_copies=_I, n_rays=_I, n_steps=_I, places=_P,
     met=_P, left_at=_P, is_reached=_P, is_unready=_P,
 )  # fmt: skip
@@ -98,7 +101,7 @@ NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count"
 
 STRUCTURES = (
     *(TreeStructure, CurvedStructure, EngineTrianglesStructure, LayerStructure),
-    *(ArrayStructure, PlanStructure, RayStateStructure),
+    *(ArrayStructure, SplitStructure, PlanStructure, RayStateStructure),
     *(DivisionStructure, FlatTapsStructure, LevelStructure, FitStructure),
     *(ThinPartsStructure, PathsStructure, HalvingStructure, SumStructure),
     TreeTaskStructure,

@@ -4,6 +4,7 @@
 
 #define NEAR 4.0 /* as in core/light/interaction_display.py */
 #define RAYS_AT_ONCE 16 /* taken by a thread at a time: taking is free, and threads end at about the same time */
+#define LEAST_THROUGHPUT 1e-4 /* as in core/light/rays.py */
 #define EDGES_AT_ONCE 4 /* each with about ten rays */
 
 typedef struct {
@@ -41,11 +42,34 @@ static int64_t split(Ray *ray) {
     copy(rays->positions + 3 * i, rays->positions + 3 * to);
     copy(rays->directions + 3 * i, rays->directions + 3 * to);
 #define TAKE(column) rays->column[to] = rays->column[i]
-    TAKE(mask), TAKE(cluster), TAKE(branch), TAKE(throughput), TAKE(n_events), TAKE(n_words);
+    TAKE(mask), TAKE(cluster), TAKE(branch), TAKE(throughput), TAKE(n_events), TAKE(rank), TAKE(n_words);
     TAKE(has_met_glass), TAKE(has_met_plate), TAKE(plate_path), TAKE(last_part), TAKE(leak), TAKE(is_astray);
 #undef TAKE
     for (int64_t k = 0; rays->is_recorded && k < rays->width; k++)
         rays->course[to * rays->width + k] = rays->course[i * rays->width + k];
+    for (int64_t k = 0; k < rays->n_steps && k < rays->n_events[i]; k++) {
+        rays->met[k * rays->n_rays + to] = rays->met[k * rays->n_rays + i];
+        copy(rays->places + 3 * (k * rays->n_rays + i), rays->places + 3 * (k * rays->n_rays + to));
+    }
+    return to;
+}
+
+/* Continue a ray as its transmitted light, and its reflected light in a copy, as Rays.branch_off; returns the copy's
+   row, -1 without one. */
+static int64_t branch_off(Ray *ray, double reflected, double transmitted, int64_t prefers) {
+    Rays *rays = ray->rays;
+    int64_t i = ray->i, to = -1;
+    if (rays->throughput[i] * reflected >= LEAST_THROUGHPUT) to = split(ray);
+    if (to >= 0) {
+        rays->throughput[to] *= reflected;
+        rays->rank[to] += prefers == TRANSMITTED_FIRST;
+    }
+    rays->throughput[i] *= transmitted;
+    rays->rank[i] += prefers == REFLECTED_FIRST;
+    if (rays->throughput[i] < LEAST_THROUGHPUT) {
+        rays->reason[i] = BLOCKED;
+        rays->has_ended[i] = true;
+    }
     return to;
 }
 
@@ -187,7 +211,7 @@ static void end_without_hit(Ray *ray) {
     Rays *rays = ray->rays;
     int64_t i = ray->i;
     rays->reason[i] = rays->mask[i] ? LOST_INSIDE
-                      : !rays->has_met_glass[i] ? MISSED_GLASS
+                      : plan->has_glass && !rays->has_met_glass[i] ? MISSED_GLASS
                       : plan->needs_plate && !rays->has_met_plate[i] ? MISSED_PLATE
                       : MISSED_DISPLAY;
     double xy[2], t;
@@ -214,7 +238,7 @@ static void land_beyond_plate(Ray *ray) {
     rays->reason[i] = hits && !counts ? MISSED_GLASS
                       : hits && !is_front ? BLOCKED
                       : hits ? ARRIVED
-                      : !rays->has_met_glass[i] ? MISSED_GLASS
+                      : plan->has_glass && !rays->has_met_glass[i] ? MISSED_GLASS
                       : MISSED_DISPLAY;
     bool lands = rays->reason[i] == ARRIVED || rays->reason[i] == MISSED_DISPLAY || is_beside_glass(ray);
     if (!is_front || !lands) return;
@@ -279,6 +303,14 @@ static bool refract(const double *d, const double *normal, double n1, double n2,
     return false;
 }
 
+/* Reflect by the shading normal, or by the geometric one if that would send light through; returns whether it did. */
+static bool reflect_before(const double *d, const double *geometric, const double *shading, double *out) {
+    reflect(d, shading, out);
+    if (dot(out, geometric) >= 0) return false;
+    reflect(d, geometric, out);
+    return true;
+}
+
 static double index_of(const Plan *plan, int64_t part, uint64_t mask) {
     return plan->indices[(N_BITS + 1) * part + (mask ? 64 - __builtin_clzll(mask) : 0)];
 }
@@ -321,6 +353,20 @@ static void interact_glass(Ray *ray, const Hit *hit) {
         is_tir = refract(d, geometric, n1, n2, out, &passed);
         is_own = true;
     }
+    const Split *splits = plan->elements[part];
+    if (splits && !is_tir) {
+        Ray other = *ray;
+        other.i = branch_off(ray, 1 - passed, passed, splits->prefers);
+        passed = 1; /* it counts already */
+        if (other.i >= 0) {
+            double mirrored[3];
+            bool is_face = reflect_before(d, geometric, shading, mirrored);
+            set_direction(&other, mirrored);
+            rays->last_part[other.i] = part;
+            rays->mask[other.i] = before;
+            add_to_branch(&other, patch, is_own || is_face ? FACE_TIR : TIR);
+        }
+    }
     set_direction(ray, out);
     if (is_tir) rays->last_part[i] = part;
     rays->mask[i] = is_tir ? before : after;
@@ -357,28 +403,36 @@ static void interact_mirror(Ray *ray, const Hit *hit) {
     const double *d = ray->rays->directions + 3 * ray->i;
     double geometric[3], shading[3], out[3];
     bool is_own = find_normals(ray->plan, d, hit, geometric, shading);
-    reflect(d, shading, out);
-    if (dot(out, geometric) < 0) {
-        reflect(d, geometric, out);
-        is_own = true;
-    }
+    is_own |= reflect_before(d, geometric, shading, out);
     set_direction(ray, out);
     add_to_branch(ray, ray->plan->patch[hit->triangle], is_own ? AT_MIRROR_FACE : AT_MIRROR);
 }
 
-/* Continue straight, and reflected in a copy, with half of the light each. */
-static void interact_splitter(Ray *ray, const Hit *hit) {
-    const Plan *plan = ray->plan;
-    Rays *rays = ray->rays;
-    int64_t patch = plan->patch[hit->triangle];
-    rays->throughput[ray->i] *= 0.5;
+/* Continue straight, and reflected in a copy. */
+static void interact_half_mirror(Ray *ray, const Hit *hit) {
+    const Split *splits = ray->plan->elements[hit->part];
     Ray other = *ray;
-    other.i = split(ray);
-    if (other.i >= 0) {
-        reflect(rays->directions + 3 * ray->i, plan->normals + 3 * hit->triangle, rays->directions + 3 * other.i);
-        add_to_branch(&other, patch, AT_MIRROR);
-    }
-    add_to_branch(ray, patch, PASS);
+    other.i = branch_off(ray, splits->reflectance, splits->transmittance, splits->prefers);
+    if (other.i >= 0) interact_mirror(&other, hit);
+    add_to_branch(ray, ray->plan->patch[hit->triangle], PASS);
+}
+
+static void interact_retroreflector(Ray *ray, const Hit *hit) {
+    double *d = ray->rays->directions + 3 * ray->i;
+    for (int j = 0; j < 3; j++) d[j] = -d[j];
+    add_to_branch(ray, ray->plan->patch[hit->triangle], AT_MIRROR);
+}
+
+/* Bend by the paraxial law of a thin lens. */
+static void interact_lens(Ray *ray, const Hit *hit) {
+    const double *lens = ray->plan->elements[hit->part], *normal = ray->plan->normals + 3 * hit->triangle;
+    const double *at = ray->rays->positions + 3 * ray->i, *d = ray->rays->directions + 3 * ray->i;
+    double away[3], out[3], slope = fabs(dot(d, normal));
+    for (int j = 0; j < 3; j++) away[j] = at[j] - lens[j];
+    double height = dot(away, normal);
+    for (int j = 0; j < 3; j++) out[j] = d[j] / slope - (away[j] - height * normal[j]) / lens[3];
+    set_direction(ray, out);
+    add_to_branch(ray, ray->plan->patch[hit->triangle], PASS);
 }
 
 /* End on the display; lands on its front if the light has met the required parts. */
@@ -419,7 +473,7 @@ static void follow_one(Ray *ray) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i;
-    bool is_noted = rays->n_steps && i == ray->original;
+    bool is_noted = rays->n_steps > 0;
     for (int64_t event = rays->n_events[i]; event < plan->max_events; event++) {
         Hit hit;
         if (!find_first_hit(ray, &hit)) {
@@ -446,7 +500,9 @@ static void follow_one(Ray *ray) {
             case GLASS: interact_glass(ray, &hit); break;
             case PLATE: interact_plate(ray, &hit); break;
             case MIRROR: interact_mirror(ray, &hit); break;
-            case SPLITTER: interact_splitter(ray, &hit); break;
+            case HALF_MIRROR: interact_half_mirror(ray, &hit); break;
+            case RETROREFLECTOR: interact_retroreflector(ray, &hit); break;
+            case LENS: interact_lens(ray, &hit); break;
             case BLOCKER: rays->reason[i] = BLOCKED; return;
             case DISPLAY: interact_display(ray, &hit); return;
         }
@@ -498,7 +554,7 @@ static void begin(const Halving *halving, Rays *rays, int64_t i, double x, doubl
     double length = halving->is_orthographic ? 1 : sqrt(square);
     for (int k = 0; k < 3; k++) d[k] /= length;
     rays->mask[i] = rays->branch[i] = 0;
-    rays->cluster[i] = rays->n_events[i] = rays->n_words[i] = 0;
+    rays->cluster[i] = rays->n_events[i] = rays->n_words[i] = rays->rank[i] = 0;
     rays->reason[i] = CUT_OFF;
     rays->xy[2 * i] = rays->xy[2 * i + 1] = NAN;
     rays->throughput[i] = 1;
@@ -556,9 +612,9 @@ KIRIKO_API void kiriko_bisect(const Plan *plan, Rays *rays, const Halving *halvi
 KIRIKO_API int64_t kiriko_layout(int64_t i) {
     const int64_t numbers[] = {
         VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(EngineTriangles),
-        sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division), sizeof(FlatTaps),
-        sizeof(Level), sizeof(Fit),   sizeof(ThinParts), sizeof(Paths), sizeof(Halving), sizeof(Sum),
-        sizeof(TreeTask),
+        sizeof(Layer), sizeof(Array), sizeof(Split), sizeof(Plan), sizeof(Rays), sizeof(Division),
+        sizeof(FlatTaps), sizeof(Level), sizeof(Fit), sizeof(ThinParts), sizeof(Paths), sizeof(Halving),
+        sizeof(Sum), sizeof(TreeTask),
     };
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

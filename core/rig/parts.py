@@ -1,12 +1,14 @@
 """The parts of a rig with a mesh, and their validity checks."""
 
 from dataclasses import dataclass, field, is_dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import MeshError, RigError, out_of_range
+from ..base.messages import quoted
 from .mesh import Mesh
 from .mirror_array import MirrorArray
 from .roles import Part
@@ -14,6 +16,23 @@ from .roles import Part
 WAVELENGTH = 587.6e-9  # m, the helium d line, the reference for indices of refraction
 
 MOST_BLACK_LEVEL = 0.99  # of the interface
+
+
+SHARE_ROUNDING = 1e-6  # Blender stores float32
+
+# the path of the picture, if both paths of split light reach the display
+Preference = Literal["brighter", "reflected", "transmitted"]
+
+
+def _check_preference(owner: str, value: str) -> None:
+    """Raise RigError for an unknown preference."""
+    if value not in get_args(Preference):
+        raise RigError(
+            "{owner} has the preference '{value}': set it to one of {choices}.",
+            owner=owner,
+            value=value,
+            choices=quoted(get_args(Preference)),
+        )
 
 
 class Index:
@@ -47,12 +66,22 @@ class Glass(Part):
     """A glass object: one or more closed shells. Shells inside shells are cavities (air).
 
     `priority` decides between overlapping solids: higher wins; among equals the smaller solid does.
+
+    reflects : its faces split light by Fresnel's equations, so a reflection may carry the picture
+    prefers : path of the picture if light arrives by both
     """
 
     name: str
     mesh: Mesh
     ior: Index = field(default_factory=lambda: ConstantIndex(1.49))
     priority: int = 0
+    reflects: bool = False
+    prefers: Preference = "brighter"
+
+    @property
+    def splits(self) -> bool:
+        """Whether light continues on two paths."""
+        return self.reflects
 
     def check_numbers(self, owner: str) -> None:
         """Raise RigError unless its index of refraction is data, and a number above 0."""
@@ -66,6 +95,7 @@ class Glass(Part):
         n = self.ior.at(WAVELENGTH)
         if not (np.isfinite(n) and n > 0):
             raise out_of_range(owner, "IOR", n, 0)
+        _check_preference(owner, self.prefers)
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError if it encloses nothing."""
@@ -103,6 +133,76 @@ class Mirror(Part):
 
     name: str
     mesh: Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class HalfMirror(Part):
+    """A thin surface that reflects some of the light and lets the rest through, on both sides.
+
+    reflectance, transmittance : 0..1, with a sum of at most 1; None: no absorption
+    prefers : path of the picture if light arrives by both
+    """
+
+    name: str
+    mesh: Mesh
+    reflectance: float = 0.5
+    transmittance: float | None = None
+    prefers: Preference = "brighter"
+
+    splits = True
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Reflectance and transmittance."""
+        r, t = self.reflectance, self.transmittance
+        return r, 1 - r if t is None else t
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError for impossible shares of light."""
+        labels = "Reflectance", "Transmittance"
+        for label, value in zip(labels, (self.reflectance, self.shares[1]), strict=True):
+            if not 0 <= value <= 1:
+                raise out_of_range(owner, label, value, 0, 1)
+        if sum(self.shares) > 1 + SHARE_ROUNDING:
+            raise RigError(
+                "{owner} reflects and transmits more light than it gets: lower its Reflectance or"
+                " its Transmittance.",
+                owner=owner,
+            )
+        _check_preference(owner, self.prefers)
+
+
+@dataclass(frozen=True, eq=False)
+class Retroreflector(Part):
+    """A surface that returns light along its path, on both sides: ideal, without spread or
+    shift.
+    """
+
+    name: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Lens(Part):
+    """A flat thin lens, or Fresnel lens: paraxial at every angle.
+
+    Its axis is the normal through the centroid of its outline.
+
+    focal_length : m; below 0 for a diverging lens
+    """
+
+    name: str
+    mesh: Mesh
+    focal_length: float
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError for a focal length of 0 or none."""
+        if not (np.isfinite(self.focal_length) and self.focal_length):
+            raise RigError(
+                "{owner} has a focal length of {value}: set another one.",
+                owner=owner,
+                value=f"{self.focal_length:g}",
+            )
 
 
 @dataclass(frozen=True, eq=False)

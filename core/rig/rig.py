@@ -4,7 +4,10 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import IntEnum
 from functools import cached_property
+from itertools import combinations
 from typing import Any
+
+import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.errors import RigError
@@ -21,11 +24,15 @@ from .parts import (
     ConstantIndex,
     Display,
     Glass,
+    HalfMirror,
     Index,
+    Lens,
     Mirror,
     Picture,
     PicturePlace,
     Plate,
+    Preference,
+    Retroreflector,
     Screen,
 )
 from .roles import Part, Role
@@ -45,8 +52,10 @@ __all__ = [
     "Display",
     "Floats",
     "Glass",
+    "HalfMirror",
     "Index",
     "Ints",
+    "Lens",
     "Mesh",
     "Mirror",
     "MirrorArray",
@@ -54,7 +63,9 @@ __all__ = [
     "Picture",
     "PicturePlace",
     "Plate",
+    "Preference",
     "Projector",
+    "Retroreflector",
     "Rig",
     "Role",
     "Screen",
@@ -94,7 +105,7 @@ class Rig:
     glasses: tuple[Glass, ...] = _parts_of(Role(
         "GLASS", Message("Glass"), kind=0, number=1, icon="MATSPHERE",
         tip="Closed surfaces that refract light; an inner one is a cavity",
-        remedy=_set_role("Glass"), is_curved=True, may_be_off=True,
+        is_curved=True, may_be_off=True,
     ))
     plates: tuple[Plate, ...] = _parts_of(Role(
         "PLATE", Message("Plate"), kind=1, number=2, icon="MESH_GRID",
@@ -128,6 +139,19 @@ class Rig:
     projectors: tuple[Projector, ...] = _parts_of(Role(
         "PROJECTOR", Message("Projector"), icon="LIGHT_SPOT",
         tip="A camera whose image is projected on the screens",
+    ), ())
+    half_mirrors: tuple[HalfMirror, ...] = _parts_of(Role(
+        "HALF_MIRROR", Message("Half Mirror"), kind=5, number=7, icon="MOD_MASK",
+        tip="Thin surface that reflects some of the light and lets the rest through",
+        is_curved=True,
+    ), ())
+    retroreflectors: tuple[Retroreflector, ...] = _parts_of(Role(
+        "RETROREFLECTOR", Message("Retroreflector"), kind=6, number=8, icon="LOOP_BACK",
+        tip="Returns light to where it came from",
+    ), ())
+    lenses: tuple[Lens, ...] = _parts_of(Role(
+        "LENS", Message("Lens"), kind=7, number=9, icon="PROP_CON",
+        tip="Flat thin lens or Fresnel lens with a focal length",
     ), ())
     # fmt: on
 
@@ -223,9 +247,21 @@ class Rig:
             part.check_shape(owner(role, part))
 
         check_displays(self.lit)
+        self._check_half_mirrors()
         check_together(self.viewers, self.plates, bool(self.mirrors))
         if self.has_own_images:
             check_own_images(self.viewers, self.picture)
+
+    def _check_half_mirrors(self) -> None:
+        """Raise RigError for two flat half mirrors face to face: light between them has no end."""
+        flat = [one for one in self.half_mirrors if one.mesh.is_flat]
+        for one, other in combinations(flat, 2):
+            if _face_each_other(one.mesh, other.mesh):
+                raise RigError(
+                    "The half mirrors '{one}' and '{other}' face each other: tilt one of them.",
+                    one=one.name,
+                    other=other.name,
+                )
 
     def _check_number_of_parts(self) -> None:
         """Raise RigError for a role with no part, or with too many."""
@@ -268,6 +304,18 @@ MET_ROLES = tuple(
 
 # numbers of the interactions
 Kind = IntEnum("Kind", [(role.name, role.kind) for role in MET_ROLES])
+
+
+MOST_PARALLEL = np.cos(np.radians(1.0))
+
+
+def _face_each_other(one: Mesh, other: Mesh) -> bool:
+    """Whether two flat meshes are parallel, and overlap along their normal."""
+    frames = [np.linalg.svd(m.vertices - m.vertices.mean(axis=0))[2] for m in (one, other)]
+    if abs(frames[0][2] @ frames[1][2]) < MOST_PARALLEL:
+        return False
+    a, b = (m.vertices @ frames[0][:2].T for m in (one, other))
+    return bool(((a.min(axis=0) < b.max(axis=0)) & (b.min(axis=0) < a.max(axis=0))).all())
 
 
 def owner(role: Role, part: Part) -> Message:

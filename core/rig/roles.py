@@ -52,6 +52,7 @@ class Part:
     """A part of a rig. Its class defines its checks."""
 
     name: str
+    splits = False  # whether light continues on two paths
 
     def check_numbers(self, owner: str) -> None:
         """Raise RigError for an invalid number, before any mesh is read."""

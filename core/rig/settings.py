@@ -6,7 +6,7 @@ from typing import Literal, get_args
 
 from ..base.errors import RigError, out_of_range
 from ..base.messages import Message, as_message, quoted
-from .rig import WAVELENGTH
+from .rig import WAVELENGTH, Rig
 
 Ghosts = Literal["mean", "strongest"]
 Disagreement = Literal["sharp", "blended"]
@@ -25,7 +25,7 @@ class Settings:
     ----------
     tolerance : allowed error of landings, display pixels; LEAST_TOLERANCE to MOST_TOLERANCE
     max_events : surfaces a ray may hit before it counts as lost
-    only_through_glass : only rays through glass carry the picture
+    only_through_glass : only rays through glass carry the picture; ignored in a rig without glass
     brightness : weigh paths by their throughput (Fresnel) instead of by 1
     effort : rays that sample a viewer pixel with chaotic light, rounded down to a square; up to
         3.25 times as many where the display is faint (core/map/samples.py), and at most 24 times as
@@ -59,6 +59,10 @@ class Settings:
     def looks_past_glass(self) -> bool:
         """Whether light past the glass is followed to the display, though it carries no picture."""
         return self.only_through_glass and self.suppress_glare > 0
+
+    def for_rig(self, rig: Rig) -> "Settings":
+        """These settings; in a rig without glass, no light has to pass it."""
+        return self if rig.glasses else replace(self, only_through_glass=False)
 
     @property
     def of_optics(self) -> "Settings":

@@ -275,7 +275,7 @@ MOST_STARTS = 3  # the last one includes all glasses
 
 def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
     """Numbers of the glasses outside a viewer's frame: light reaches them by other parts only."""
-    if len(rig.glasses) == 1:
+    if len(rig.glasses) < 2:
         return ()
 
     deferred = []

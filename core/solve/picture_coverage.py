@@ -169,7 +169,7 @@ def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
 
     leaks : for each glass the fraction, 0..1, of the picture's light through its gaps
     """
-    leaked = max(leaks)
+    leaked = max(leaks, default=0.0)
     if leaked > MOST_LEAKED:
         glass = traced.plan.rig.glasses[leaks.index(leaked)]
         return RigError(

@@ -247,7 +247,7 @@ class Session:
         RigError, MeshError
             One sentence on the rig's fault; the session stays as it was.
         """
-        settings = settings or Settings()
+        settings = (settings or Settings()).for_rig(rig)
         rig.check()
         settings.check()
         if not rig.projectors:
@@ -354,6 +354,7 @@ class Session:
         RigError, MeshError : like `solve`, but in other words
         """
         clock = Clock()
+        settings = settings.for_rig(rig)
         found = []
         keys = channel_keys(rig, settings)
         traced, painted = spans(TRACING, ("painting",))
@@ -390,7 +391,7 @@ class Session:
 
     def has_view_maps(self, rig: Rig, settings: Settings) -> bool:
         """Whether the view maps of a rig are cached, so that a solve traces none."""
-        return self._has(keys_of(rig, settings))
+        return self._has(keys_of(rig, settings.for_rig(rig)))
 
     def _has(self, keys: tuple[str, ...]) -> bool:
         return self._optics is not None and set(keys) <= set(self._optics.keys)

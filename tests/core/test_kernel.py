@@ -41,6 +41,7 @@ from kiriko.core.light import (
     ray_engine,
     trace,
 )
+from kiriko.core.light import rays as rays_module
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.engines import Embree
 from kiriko.core.light.mesh_cache import MeshCache
@@ -1244,7 +1245,7 @@ SHARING = (
         pyramid,
     ),
     *(layer_hits, quartics, native_paint, cells_module, structures, fitted_faces, near_misses),
-    *(ray_engine, pyramid, source_image),
+    *(ray_engine, pyramid, source_image, rays_module),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {

@@ -1,6 +1,4 @@
-"""Rays that split: by an interaction of this test alone, which sends half of the light on straight
-and reflects the other half.
-"""
+"""Rays that split at half mirrors: some of the light goes on straight, some is reflected."""
 
 from contextlib import nullcontext
 from dataclasses import replace
@@ -8,68 +6,46 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.light import interactions, trace
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import run_steps
 from kiriko.core.light.compile_plan import MOST_COPIES, compile_plan
-from kiriko.core.light.meetings import Interaction
-from kiriko.core.light.optics import reflect
-from kiriko.core.light.rays import MIRROR, PASS, main_landings
-from kiriko.core.light.trace import trace_all
+from kiriko.core.light.rays import main_landings
+from kiriko.core.light.trace import recording, trace_all, tracing
 from kiriko.core.native import loading
-from kiriko.core.rig.rig import Kind, Mirror
+from kiriko.core.rig.rig import ConstantIndex, Glass, HalfMirror, Mirror
 from kiriko.core.rig.settings import Settings
-from known.reference_rigs import ball_rig, rectangle
+from known.reference_rigs import ball_rig, box, rectangle
 
-SPLITTER = 31  # as in kiriko.h
 SETTINGS = Settings(only_through_glass=False, only_through_plate=False, max_events=40)
 X, Y, Z = np.eye(3)
 
 
-def interact(plan, rays, i, hits, by_layer):
-    rays.throughput[i] *= 0.5
-    normals, patch = plan.triangles.normals[hits.triangle], plan.triangles.patch[hits.triangle]
-    splits, copies = rays.split(i)
-    rays.directions[copies] = reflect(rays.directions[i[splits]], normals[splits])
-    rays.add_to_branch(copies, patch[splits], MIRROR)
-    rays.add_to_branch(i, patch, PASS)
-
-
 @pytest.fixture(params=["kernel", "numpy"])
-def way(request, monkeypatch):
-    monkeypatch.setitem(
-        interactions.INTERACTIONS, SPLITTER, Interaction(interact, None, splits=True)
-    )
-    monkeypatch.setattr(
-        trace, "ENDS", np.resize(trace.ENDS, SPLITTER + 1) & (np.arange(SPLITTER + 1) < 5)
-    )
+def tracer(request):
     with nullcontext() if request.param == "kernel" else loading.off():
-        yield
+        yield request.param
 
 
-def panes(n, up=Y + Z):
+def panes(n, up=Y + Z, kind=HalfMirror, **options):
     """A rig with n mirrors before its ball, one behind the other, at 45 degrees or as told."""
-    a_rig = ball_rig(2, pixels=64)
     mirrors = tuple(
-        Mirror(f"pane {k}", rectangle((-0.5 + 0.1 * k) * Y, X, up, 0.2, 0.2)) for k in range(n)
+        kind(f"pane {k}", rectangle((-0.5 + 0.1 * k) * Y, X, up, 0.2, 0.2), **options)
+        for k in range(n)
     )
-    return replace(a_rig, mirrors=mirrors)
+    fields = {HalfMirror: "half_mirrors", Mirror: "mirrors"}
+    return replace(ball_rig(2, pixels=64), **{fields[kind]: mirrors})
 
 
-def splitting(plan):
-    """A plan whose mirrors split rays."""
-    kind = np.where(plan.parts.kind == Kind.MIRROR, SPLITTER, plan.parts.kind)
-    return replace(plan, parts=replace(plan.parts, kind=kind), n_copies=MOST_COPIES)
-
-
-def test_both_ways_are_those_of_no_pane_and_of_a_mirror(way):
-    """A landing for each, with half of the throughput, by its ray's number; the straight one of
+def test_both_paths_are_those_of_no_pane_and_of_a_mirror(tracer):
+    """A landing for each, with its share of the light, by its ray's number; the straight one of
     light that arrives is the main one.
     """
-    a_rig = panes(1)
+    a_rig = panes(1, reflectance=0.4, transmittance=0.3)
     o, d = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 64, (3000, 2)))
-    mirrored = compile_plan(a_rig, SETTINGS)
-    apart = [compile_plan(replace(a_rig, mirrors=()), SETTINGS), mirrored]
-    straight, reflected = (trace_all(plan, o, d) for plan in apart)
-    found = trace_all(splitting(mirrored), o, d)
+    apart = [replace(a_rig, half_mirrors=()), panes(1, kind=Mirror)]
+    straight, reflected = (trace_all(compile_plan(one, SETTINGS), o, d) for one in apart)
+    plan = compile_plan(a_rig, SETTINGS)
+    found = trace_all(plan, o, d)
     order = np.lexsort((found.n_events, found.sample))
     assert np.array_equal(found.sample[order], np.repeat(np.arange(len(o)), 2))
     assert straight.has_arrived.mean() > 0.3
@@ -87,11 +63,115 @@ def test_both_ways_are_those_of_no_pane_and_of_a_mirror(way):
     np.testing.assert_allclose(
         main.xy[straight.has_arrived], straight.xy[straight.has_arrived], atol=1e-5
     )
-    assert (found.throughput == 0.5).all()
+    assert set(found.throughput) == {0.4, 0.3}
 
 
-def test_ways_are_bounded(way):
-    """Light to and fro between panes splits at each; no ray has more than eight ways."""
-    plan = splitting(compile_plan(panes(4, up=Z), SETTINGS))
+@pytest.mark.parametrize(
+    ("prefers", "share"), [("brighter", 0.7), ("reflected", 0.3), ("transmitted", 0.7)]
+)
+def test_the_preferred_path_carries_the_picture_where_both_arrive(tracer, prefers, share):
+    """Straight through a pane, or by the pane and a mirror over it, to one large display."""
+    a_rig = panes(1, reflectance=0.3, prefers=prefers)
+    wide = replace(a_rig.display, mesh=rectangle(Y, X, Z, 9, 9))
+    side = Mirror("side", rectangle(-0.5 * Y + Z, X, Y + Z, 1, 1))
+    a_rig = replace(a_rig, glasses=(), plates=(), displays=(wide,), mirrors=(side,))
+    o, d = a_rig.viewer.rays(np.full((5, 2), 32.0) + np.arange(5)[:, None])
+    found = trace_all(compile_plan(a_rig, SETTINGS), o, d)
+    assert (found.has_arrived).sum() == 10
+    np.testing.assert_allclose(main_landings(found, 5).throughput, share)
+
+
+def test_paths_are_bounded(tracer):
+    """Light to and fro between panes splits at each; no ray has more than eight paths, and none
+    fainter than a ten-thousandth.
+    """
+    a_rig = panes(2, up=Z)
+    plan = compile_plan(replace(a_rig, half_mirrors=()), SETTINGS)
+    close = rectangle(-0.4 * Y, X, 0.1 * Y + Z, 0.2, 0.2)
+    a_rig = replace(a_rig, half_mirrors=(a_rig.half_mirrors[0], HalfMirror("b", close)))
+    plan = compile_plan(a_rig, SETTINGS)
     found = trace_all(plan, *plan.viewer.rays(np.full((500, 2), 32.5)))
-    assert (np.bincount(found.sample, minlength=500) == 1 + MOST_COPIES).all()
+    assert (np.bincount(found.sample, minlength=500) <= 1 + MOST_COPIES).all()
+    assert np.bincount(found.sample).max() > 3
+    faint = replace(
+        a_rig, half_mirrors=tuple(replace(m, reflectance=0.99) for m in a_rig.half_mirrors)
+    )
+    found = trace_all(compile_plan(faint, SETTINGS), *plan.viewer.rays(np.full((50, 2), 32.5)))
+    assert found.throughput[found.has_arrived].min(initial=1) >= 1e-4
+
+
+def test_a_path_is_that_of_the_main_landing(tracer):
+    """The recorded hits of light that a pane reflects to the display lead to it, from the pane."""
+    pane = HalfMirror("pane", rectangle(0 * X, X, Y - Z, 0.4, 0.4))
+    base = ball_rig(2, pixels=64)
+    down = replace(base.display, mesh=rectangle(-0.3 * Z, X, Y, 0.4, 0.4))
+    a_rig = replace(base, glasses=(), plates=(), displays=(down,), half_mirrors=(pane,))
+    plan = compile_plan(a_rig, SETTINGS)
+    o, d = a_rig.viewer.rays(np.random.default_rng(1).uniform(0, 64, (50, 2)))
+    steps = []
+    main = main_landings(run_steps(tracing(plan, o, d, steps=steps)), 50)
+    assert main.has_arrived.all()
+    first, second = steps[:2]
+    for step in (first, second):
+        assert np.array_equal(np.sort(step.rays), np.arange(50))
+    at = np.empty((2, 50, 3))
+    for places, step in zip(at, (first, second), strict=True):
+        places[step.rays] = step.place
+    t = -(o[:, 1] + o[:, 2]) / (d[:, 1] + d[:, 2])  # the pane's plane: y + z = 0
+    np.testing.assert_allclose(at[0], o + t[:, None] * d, atol=1e-12)
+    np.testing.assert_allclose(at[1], main.positions, atol=1e-12)
+    landings, courses = run_steps(recording(plan, o, d))
+    assert len(courses) == len(landings.sample) == 100
+
+
+def test_glass_that_reflects_shares_light_by_fresnel(tracer):
+    """At one face the reflected light is 1 - T of the transmitted one's T, and lands where a mirror
+    in that face sends it.
+    """
+    water = Glass("water", box([1, 1, 0.2], (0, 0, -0.1)), ConstantIndex(1.333), reflects=True)
+    base = ball_rig(2, pixels=64)
+    eye = replace(
+        base.viewer,
+        position=np.array([0, -1.0, 1]),
+        axes=np.array([X, (Y + Z) / 2**0.5, (Y - Z) / 2**0.5]),
+    )
+    wall = replace(base.display, mesh=rectangle(Y + Z, X, Z, 3, 3))
+    a_rig = replace(base, viewers=(eye,), glasses=(water,), plates=(), displays=(wall,))
+    mirror = Mirror("face", rectangle(0 * X, X, Y, 1, 1))
+    o, d = eye.rays(np.random.default_rng(2).uniform(0, 64, (200, 2)))
+    found = trace_all(compile_plan(a_rig, SETTINGS), o, d)
+    expected = trace_all(
+        compile_plan(replace(a_rig, glasses=(), mirrors=(mirror,)), SETTINGS), o, d
+    )
+    assert expected.has_arrived.all()
+    main = found.at(found.has_arrived & (found.n_events == 2))
+    main = main.at(np.argsort(main.sample))
+    assert np.array_equal(main.sample, np.arange(200))
+    np.testing.assert_allclose(main.xy, expected.xy, atol=1e-6)
+    c1 = -d[:, 2]
+    c2 = np.sqrt(1 - (1 - c1**2) / 1.333**2)
+    s = (c1 - 1.333 * c2) / (c1 + 1.333 * c2)
+    p = (1.333 * c1 - c2) / (1.333 * c1 + c2)
+    np.testing.assert_allclose(main.throughput, (s**2 + p**2) / 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"reflectance": 1.5}, "Reflectance 1.5: set it from 0 to 1"),
+        ({"reflectance": 0.6, "transmittance": 0.6}, "more light than it gets"),
+        ({"prefers": "both"}, "preference 'both'"),
+    ],
+)
+def test_impossible_half_mirrors_are_one_sentence(options, words):
+    with pytest.raises(RigError, match=words):
+        panes(1, **options).check()
+
+
+def test_half_mirrors_face_to_face_are_refused():
+    """Light between two parallel ones that overlap would have no end; apart they are fine."""
+    with pytest.raises(RigError, match="'pane 0' and 'pane 1' face each other"):
+        panes(2, up=Z).check()
+    a_rig = panes(1, up=Z)
+    away = HalfMirror("b", rectangle(0.1 * Y + X, X, Z, 0.2, 0.2))
+    replace(a_rig, half_mirrors=(*a_rig.half_mirrors, away)).check()

@@ -158,7 +158,7 @@ def test_a_rig_that_cannot_be_solved_is_one_sentence():
         drain(measure(replace(small_rig(), displays=())))
     with pytest.raises(RigError, match="Tolerance"):
         drain(measure(small_rig(), Settings(tolerance=0.0)))
-    with pytest.raises(RigError, match="raise its resolution"):
+    with pytest.raises(RigError, match="Raise its resolution"):
         drain(measure(cube_rig(pixels=32, display_pixels=2)))
 
 

@@ -1,0 +1,403 @@
+"""Optical systems of the field as rigs: what Add Rig > More builds, and the benches judge.
+
+Lengths in metres; z is up, and the viewer looks along +y or down at the origin.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import Floats
+from ..base.messages import Message
+from ..base.vectors import normalise
+from ..light.optics import reflect
+from ..rig.rig import (
+    Blocker,
+    ConstantIndex,
+    Display,
+    Glass,
+    HalfMirror,
+    Lens,
+    Mesh,
+    Mirror,
+    MirrorArray,
+    PicturePlace,
+    Plate,
+    Retroreflector,
+    Rig,
+    Viewer,
+)
+
+X, Y, Z = np.eye(3)
+SLOPE = 2**-0.5
+TO_VIEWER = SLOPE * (Y + Z)  # normal of a plane at 45 degrees that turns the view down
+WATER, ACRYLIC, GLASS = 1.333, 1.49, 1.52
+SEGMENTS = 128  # of a round surface
+
+
+@dataclass(frozen=True)
+class System:
+    """An entry of Add Rig > More.
+
+    make : the rig; its picture is a `PicturePlace` without pixels
+    source : publication it is from; '' if common knowledge
+    """
+
+    label: str
+    tip: str
+    make: Callable[[], Rig]
+    source: str = ""
+
+
+def panel(centre: Sequence[float], right: Floats, up: Floats, width: float, height: float) -> Mesh:
+    """A rectangle with a UV map; right x up is its front."""
+    uv = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    right, up = width * normalise(right), height * normalise(up)
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    return Mesh(np.asarray(centre) + (uv - 0.5) @ [right, up], halves, uv=uv[halves])
+
+
+def strip(outline: Floats, z: tuple[float, float], normals: Floats | None = None) -> Mesh:
+    """A wall over an outline (n, 2) in x and y, with a UV map along its length; its front is on the
+    outline's right.
+
+    normals : (n, 2) of a smooth wall; None: each face is flat
+    """
+    n = len(outline)
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=1)))
+    vertices = np.concatenate([np.column_stack([outline, np.full(n, height)]) for height in z])
+    k = np.arange(n - 1)
+    quads = np.stack([k, k + 1, k + n + 1, k + n], axis=1)
+    triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    u = np.tile(length / length[-1], 2)
+    uv = np.stack([u, np.repeat([0.0, 1.0], n)], axis=1)[triangles]
+    if normals is None:
+        return Mesh(vertices, triangles, uv=uv)
+    corner = np.tile(np.column_stack([normals, np.zeros(n)]), (2, 1))[triangles]
+    return Mesh(vertices, triangles, corner, np.ones(len(triangles), bool), uv)
+
+
+def arc(radius: float, half_angle: float, segments: int = SEGMENTS) -> Floats:
+    """Directions (n, 2) times a radius, about -y, from left to right."""
+    angle = np.linspace(-half_angle, half_angle, segments + 1)
+    return radius * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+
+
+def block(low: Sequence[float], high: Sequence[float]) -> Mesh:
+    """A closed box of flat faces."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = [half for a, b, c, d in quads for half in ((a, b, c), (a, c, d))]
+    return Mesh(np.where(corners, high, low).astype(float), np.array(triangles))
+
+
+def shell(radius: float, is_cavity: bool = False) -> tuple[Floats, NDArray[np.int64], Floats]:
+    """Vertices, triangles and corner normals of a ball about the origin; a cavity's face inward."""
+    polar, around = np.pi * np.arange(1, 64) / 64, 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS
+    ring = np.stack([np.cos(around), np.sin(around)], axis=1)
+    unit = np.concatenate([
+        np.column_stack([np.sin(a) * ring, np.full(SEGMENTS, np.cos(a))]) for a in polar
+    ])  # fmt: skip
+    unit = np.concatenate([unit, [Z, -Z]])
+    index = np.arange(len(unit) - 2).reshape(-1, SEGMENTS)
+    after = np.roll(index, -1, axis=1)
+    a, b, c, d = index[:-1].ravel(), index[1:].ravel(), after[1:].ravel(), after[:-1].ravel()
+    north, south = np.full((2, SEGMENTS), [[len(unit) - 2], [len(unit) - 1]])
+    triangles = np.concatenate([
+        np.stack([a, b, c], 1), np.stack([a, c, d], 1),
+        np.stack([north, index[0], after[0]], 1), np.stack([index[-1], south, after[-1]], 1),
+    ])  # fmt: skip
+    if is_cavity:
+        return radius * unit, triangles[:, ::-1], -unit[triangles[:, ::-1]]
+    return radius * unit, triangles, unit[triangles]
+
+
+def ball(radius: float, inner: float = 0.0) -> Mesh:
+    """A ball about the origin, or a hollow one."""
+    shells = [shell(radius), *([shell(inner, is_cavity=True)] if inner else [])]
+    vertices, triangles, normals = zip(*shells, strict=True)
+    starts = np.cumsum([0, *(len(one) for one in vertices)])
+    joined = np.concatenate([t + start for t, start in zip(triangles, starts, strict=False)])
+    return Mesh(
+        np.concatenate(vertices), joined, np.concatenate(normals), np.ones(len(joined), bool)
+    )
+
+
+def viewer(position: Sequence[float], target: Sequence[float], field: float) -> Viewer:
+    """A viewer that sees `field` m across at its target."""
+    forward = normalise(np.subtract(target, position))
+    right = normalise(np.cross(forward, Z if abs(forward[2]) < 0.999 else Y))
+    half = field / 2 / float(np.linalg.norm(np.subtract(target, position)))
+    axes = np.stack([right, np.cross(right, forward), forward])
+    window = (-half, half, -half, half)
+    return Viewer("Viewer", "perspective", np.array(position, float), axes, window, 512, 512)
+
+
+def display(mesh: Mesh, width: int, height: int, name: str = "Display") -> Display:
+    """A display with a resolution."""
+    return Display(name, mesh, width, height)
+
+
+def picture(centre: Sequence[float], width: float, up: Floats = Z) -> PicturePlace:
+    """A square picture that faces -y, or the direction across its given up."""
+    return PicturePlace("Picture", 1024, 1024, panel(centre, X, up, width, width))
+
+
+def rig(eye: Viewer, displays: Display | tuple[Display, ...], place: PicturePlace, **parts) -> Rig:
+    """A rig of one viewer."""
+    displays = displays if isinstance(displays, tuple) else (displays,)
+    parts = {"glasses": (), "plates": ()} | parts
+    return Rig(viewers=(eye,), displays=displays, pictures=(place,), **parts)
+
+
+def through_plate(place: PicturePlace, plate: Mesh) -> tuple[Floats, Floats, Floats]:
+    """Centre, right and up of the mirror image of a picture in a plane: where its display is."""
+    a, b, _, d = place.mesh.vertices
+    normal = np.cross(plate.vertices[1] - plate.vertices[0], plate.vertices[2] - plate.vertices[0])
+    normal = normalise(normal)
+    centre = place.mesh.vertices.mean(axis=0)
+    centre = centre - 2 * ((centre - plate.vertices[0]) @ normal) * normal
+    return centre, reflect(b - a, normal), reflect(d - a, normal)
+
+
+EYE = viewer(-0.6 * Y, 0 * Y, 0.12)
+
+
+def peppers_ghost() -> Rig:
+    """A phone under a pane at 45 degrees; the picture floats behind the pane."""
+    pane = HalfMirror("Half Mirror", panel(0 * X, X, Y - Z, 0.2, 0.24), 0.3)
+    phone = display(panel(-0.08 * Z, X, Y, 0.145, 0.067), 2556, 1179, "Phone")
+    return rig(EYE, phone, picture(0.08 * Y, 0.05), half_mirrors=(pane,))
+
+
+def led_corner() -> Rig:
+    """Two walls of one display around a corner; the picture floats in front of it."""
+    walls = strip(np.array([[-2.0, 0.0], [0.0, -2.0], [2.0, 0.0]]), (2.0, 4.0))
+    eye = viewer([0, -12, 1.7], [0, -2, 3], 5.0)
+    return rig(eye, display(walls, 2048, 725), picture([0, -2.5, 3], 1.2))
+
+
+def curved_wall() -> Rig:
+    """A hollow cylinder of displays around the viewer."""
+    outline = -arc(4.0, np.radians(60))
+    wall = strip(outline[::-1] * [1, 1], (0.0, 2.5))
+    return rig(
+        viewer([0, 0, 1.6], [0, 4, 1.4], 4.5), display(wall, 4096, 1222), picture([0, 3, 1.4], 1.4)
+    )
+
+
+def cylinder_anamorphosis() -> Rig:
+    """A flat display around a mirror cylinder, in which the picture stands upright."""
+    outline = arc(0.04, np.radians(85))
+    mirror = strip(outline, (0.0, 0.12), outline / 0.04)
+    table = display(panel(-0.1 * Y - 1e-4 * Z, X, Y, 0.5, 0.5), 2048, 2048)
+    eye = viewer([0, -0.5, 0.35], [0, 0, 0.04], 0.12)
+    return rig(eye, table, picture([0, 0, 0.045], 0.045), mirrors=(Mirror("Mirror", mirror),))
+
+
+def airr() -> Rig:
+    """Aerial imaging by retro-reflection: the picture floats before the half mirror."""
+    splitter = HalfMirror("Half Mirror", panel(0 * X, X, Y - Z, 0.3, 0.4), 0.5)
+    sheet = Retroreflector("Retroreflector", panel(0.16 * Y, X, Z, 0.3, 0.3))
+    top = display(panel(0.12 * Z, -X, Y, 0.12, 0.12), 1024, 1024)
+    eye = viewer(-0.8 * Y, 0 * Y, 0.12)
+    parts = {"half_mirrors": (splitter,), "retroreflectors": (sheet,)}
+    return rig(eye, top, picture(-0.12 * Y, 0.05), **parts)
+
+
+def _over(surface: Glass, depth: float, width: float, extra: tuple[Blocker, ...] = ()) -> Rig:
+    """A plate behind a glossy table or water at z = 0, which stands its image upright on it."""
+    plate = panel([0, 0.3, 0.08], X, Z, 0.4, 0.36)
+    place = picture([0, 0, depth], width)
+    under = replace(place, mesh=panel([0, 0, -depth], X, -Z, width, width))
+    centre, right, up = through_plate(under, plate)
+    screen = display(panel(centre, -right, up, 1.5 * width, 1.5 * width), 1024, 1024)
+    eye = viewer([0, -0.5, 0.4], [0, 0, depth], 2 * width)
+    parts = {"plates": (Plate("Plate", plate),), "glasses": (surface,), "blockers": extra}
+    return rig(eye, screen, place, **parts)
+
+
+def enchantable() -> Rig:
+    """A mid-air image that stands on a glossy table."""
+    table = block([-0.2, -0.15, -0.01], [0.2, 0.28, 0.0])
+    top = Glass("Table", table, ConstantIndex(1.5), reflects=True, prefers="reflected")
+    below = Blocker("Table Top", panel(-0.0099 * Z + 0.065 * Y, X, Y, 0.4, 0.43))
+    return _over(top, 0.05, 0.05, (below,))
+
+
+def scoopirit_above() -> Rig:
+    """A mid-air image that stands on water."""
+    tank = block([-0.2, -0.15, -0.05], [0.2, 0.28, 0.0])
+    water = Glass("Water", tank, ConstantIndex(WATER), reflects=True, prefers="reflected")
+    below = Blocker("Tank", panel(-0.0499 * Z + 0.065 * Y, X, Y, 0.4, 0.43))
+    return _over(water, 0.05, 0.05, (below,))
+
+
+def scoopirit_under() -> Rig:
+    """A mid-air image in water, above a plate under the tank."""
+    water = Glass("Water", block([-0.15, -0.15, -0.1], [0.15, 0.15, 0.0]), ConstantIndex(WATER))
+    plate = Plate("Plate", panel(-0.12 * Z, X, Y, 0.4, 0.4))
+    place = picture([0, 0, -0.05], 0.05, SLOPE * (Y + Z))
+    eye = viewer([0, -0.4, 0.4], [0, 0.02, -0.05], 0.12)
+    screen = display(panel([0, -0.004, -0.19], X, SLOPE * (Y - Z), 0.09, 0.09), 1024, 1024)
+    return rig(eye, screen, place, plates=(plate,), glasses=(water,))
+
+
+def i_ball_2() -> Rig:
+    """A real image in a hollow ball, by a lens under it; a half mirror feeds a camera."""
+    clear = Glass("Ball", ball(0.05, 0.047), ConstantIndex(ACRYLIC))
+    focal, below = 0.08, 0.12
+    to_display = 1 / (1 / focal - 1 / below)
+    lens = Lens("Lens", panel(-below * Z, X, Y, 0.12, 0.12), focal)
+    splitter = HalfMirror(
+        "Half Mirror", panel(-(below + 0.07) * Z, X, Y - Z, 0.14, 0.2), 0.5, prefers="transmitted"
+    )
+    fold = Mirror("Mirror", panel(-(below + 0.18) * Z, X, Y + Z, 0.14, 0.2))
+    far = to_display - 0.18
+    screen = display(panel(-(below + 0.18) * Z - far * Y, -X, Z, 0.12, 0.12), 1024, 1024)
+    eye = viewer([0, 0, 0.5], [0, 0, 0], 0.09)
+    parts = {
+        "glasses": (clear,),
+        "lenses": (lens,),
+        "half_mirrors": (splitter,),
+        "mirrors": (fold,),
+    }
+    return rig(eye, screen, picture(0 * X, 0.02, Y), **parts)
+
+
+def air_mounted_eyepiece() -> Rig:
+    """A lens before the eye looks at a plate's mid-air image; the picture is far away."""
+    focal, distance, relief = 0.05, 1.0, 0.03
+    object_at = 1 / (1 / focal + 1 / (distance - relief))
+    lens = Lens("Lens", panel(0 * X, X, Z, 0.04, 0.04), focal)
+    plate = panel(0.15 * Y, X, SLOPE * (Y + Z), 0.2, 0.2)
+    image = picture(object_at * Y, 0.03)
+    centre, right, up = through_plate(image, plate)
+    screen = display(panel(centre, right, up, 0.05, 0.05), 1024, 1024)
+    eye = viewer(-relief * Y, (distance - relief) * Y, 0.7)
+    holes = MirrorArray("holes", pitch=0.3e-3, height=0.9e-3)
+    parts = {"plates": (Plate("Plate", plate, holes),), "lenses": (lens,)}
+    return rig(eye, screen, picture((distance - relief) * Y, 0.4), **parts)
+
+
+def _with_plate(mesh: Mesh, array: MirrorArray | None = None) -> Rig:
+    """The paper's bench around glass at the origin."""
+    glass = Glass("Glass", mesh, ConstantIndex(ACRYLIC))
+    plate = Plate("Plate", panel(0.15 * Y, X, Y + Z, 0.488, 0.488), array)
+    screen = display(panel(0.15 * (Y - Z), X, Y, 0.1, 0.1), 1024, 1024)
+    return rig(
+        viewer(-1.0 * Y, 0 * Y, 0.06),
+        screen,
+        picture(0 * X, 0.03),
+        glasses=(glass,),
+        plates=(plate,),
+    )
+
+
+CUBE = block([-0.025] * 3, [0.025] * 3)
+
+
+def infloasion() -> Rig:
+    """A cube, and its mirror image at the display, which undoes the far half of the bending."""
+    base = _with_plate(CUBE)
+    normal = SLOPE * (Y - Z)
+    at = CUBE.vertices - 0.15 * Y
+    copy = Mesh(reflect(at, normal) + 0.15 * Y, CUBE.triangles[:, ::-1])
+    return replace(base, glasses=(*base.glasses, Glass("Copy", copy, ConstantIndex(ACRYLIC))))
+
+
+def p_cubee() -> Rig:
+    """A box of five displays that shows what is inside it."""
+    h = 0.1
+    sides = {
+        "Front": ([0, -h, 0], X, Z), "Back": ([0, h, 0], -X, Z), "Left": ([-h, 0, 0], -Y, Z),
+        "Right": ([h, 0, 0], Y, Z), "Top": ([0, 0, h], X, Y),
+    }  # fmt: skip
+    faces = tuple(
+        display(panel(at, right, up, 2 * h, 2 * h), 1024, 1024, name)
+        for name, (at, right, up) in sides.items()
+    )
+    return rig(viewer([0.3, -0.5, 0.4], 0 * X, 0.34), faces, picture(0 * X, 0.12))
+
+
+SYSTEMS = {
+    "PEPPER": System(
+        Message("Pepper's Ghost"),
+        Message("A phone below a half mirror; the picture floats behind the mirror"),
+        peppers_ghost,
+    ),
+    "LED_CORNER": System(
+        Message("LED Corner"),
+        Message("A display around the corner of a building, seen from the street"),
+        led_corner,
+    ),
+    "CURVED_WALL": System(
+        Message("Curved Wall"), Message("A cylindrical display around the viewer"), curved_wall
+    ),
+    "ANAMORPHOSIS": System(
+        Message("Cylinder Mirror"),
+        Message("A flat display around a mirror cylinder, which shows the picture undistorted"),
+        cylinder_anamorphosis,
+    ),
+    "AIRR": System(
+        Message("AIRR"),
+        Message("A half mirror and a retroreflector; the picture floats before the mirror"),
+        airr,
+        "Yamamoto et al. 2014",
+    ),
+    "INFLOASION": System(
+        Message("InFloasion"),
+        Message("A cube, and its mirror image at the display"),
+        infloasion,
+        "Yokose, Okawa, Naemura 2018",
+    ),
+    "DCRA": System(
+        Message("Plate of Square Holes"),
+        Message("Glass in the mid-air image of a dihedral corner reflector array"),
+        lambda: _with_plate(ball(0.025), MirrorArray("holes", pitch=0.1e-3, height=0.25e-3)),
+    ),
+    "RADIAL_DCRA": System(
+        Message("Plate of Radial Holes"),
+        Message("The same with holes that rotate with the azimuth"),
+        lambda: _with_plate(ball(0.025), MirrorArray("radial", pitch=0.1e-3, height=0.25e-3)),
+        "Yoshimizu, Iwase 2019",
+    ),
+    "ENCHANTABLE": System(
+        Message("Glossy Table"),
+        Message("A plate behind a glossy table, which stands the picture upright"),
+        enchantable,
+        "Yamamoto et al. 2015",
+    ),
+    "SCOOPIRIT_ABOVE": System(
+        Message("On Water"),
+        Message("A plate behind a tank; the picture stands on the water"),
+        scoopirit_above,
+        "Matsuura, Koizumi 2018",
+    ),
+    "SCOOPIRIT_UNDER": System(
+        Message("Under Water"),
+        Message("A plate under a tank; the picture floats in the water"),
+        scoopirit_under,
+        "Matsuura, Koizumi 2018",
+    ),
+    "I_BALL": System(
+        Message("i-ball 2"),
+        Message("A lens images a display into a hollow ball; a half mirror serves a camera"),
+        i_ball_2,
+        "Ushida et al. 2003",
+    ),
+    "EYEPIECE": System(
+        Message("Air Mounted Eyepiece"),
+        Message("A lens before the eye shows a plate's mid-air image far away"),
+        air_mounted_eyepiece,
+        "Otao et al. 2018",
+    ),
+    "P_CUBEE": System(
+        Message("Display Box"),
+        Message("Five displays around a box that show what is inside it"),
+        p_cubee,
+        "Stavness et al. 2010",
+    ),
+}
