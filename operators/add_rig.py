@@ -296,7 +296,7 @@ def _refuse_second(
 
     found = needed.parts(scene, is_left_out=lambda thing: bool(holders(thing)))
     for role in ROLES:
-        if role.number is None or not (role.is_made or (is_straight and role.is_missed)):
+        if role.number is None or not (role.is_made or (is_straight and role.name == "PLATE")):
             continue
         for thing in found.get(role.name, ()):
             raise RigError(

@@ -8,6 +8,7 @@ import bpy
 
 from ..core.blender.data.camera_viewer import frame_of, seats_of
 from ..core.blender.data.moving import stamp_of
+from ..core.blender.properties.object_settings import ELEMENT
 from ..core.blender.read.elements import tone_of
 from . import needed, work
 
@@ -51,6 +52,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
             tone_of(o.picture),
             o.display.black_level,
             mirrors_of(o),
+            *(getattr(o.element, name) for name in ELEMENT),
         )
         for things in needed.parts(scene).values()
         for thing in things

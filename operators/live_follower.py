@@ -285,7 +285,7 @@ class Live:
         self._shown_at = []
         rig = self._reading.rig
         yield from self._draw_paths(rig, settings)  # a drag may end the work after a picture
-        meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
+        meshes = [part.mesh for part in rig.curved_parts()]
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # keeps their ids from being reused by other meshes
         # If the light is traced already, a picture costs one product and needs no coarse one.
@@ -454,7 +454,7 @@ def _glass_of(reading: Reading) -> tuple[object, ...]:
 
 def _sizes(rig: Rig) -> tuple[int, ...]:
     """Sizes that predict the time of a solve: pixels, and triangles up to a factor of two."""
-    n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors))
+    n_triangles = sum(len(part.mesh.triangles) for part in rig.curved_parts())
     images = (side for part in (*rig.viewers, rig.display) for side in (part.width, part.height))
     return (*images, n_triangles.bit_length())
 

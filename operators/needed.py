@@ -18,12 +18,12 @@ from ..core.rig.rig import ROLES
 from ..languages import in_all
 from .reporting import in_words
 
+GLASS_REMEDY = Message("set the role of an object to Glass, or turn off Only Through Glass")
+REMEDIES = {role.name: role.remedy for role in ROLES} | {"GLASS": GLASS_REMEDY}
 NEEDED = {
-    **{
-        role.name: Message("No {noun}: {remedy}", noun=role.noun, remedy=role.remedy)
-        for role in ROLES
-        if role.remedy
-    },
+    role.name: Message("No {noun}: {remedy}", noun=role.noun, remedy=REMEDIES[role.name])
+    for role in ROLES
+    if REMEDIES[role.name]
 }
 MISSED = {role.name for role in ROLES if role.is_missed}
 NO_PLATE = Message("The rig's plate is missing: make a new one, or remove it from the rig")
@@ -207,6 +207,9 @@ def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
     # with several viewers, reading reports the missing one
     if len(ours.viewers) or _is_there(viewer_of(scene), scene):
         there.add("VIEWER")
+
+    if not ours.only_through_glass:
+        there.add("GLASS")
 
     phrases = {role: phrase for role, phrase in NEEDED.items() if role not in there}
     phrases |= {

@@ -28,6 +28,12 @@ PRODUCTS = {
     "PLATE": ("kiriko.plate_preset", plate_product),
 }
 
+ELEMENT_SETTINGS = {
+    "GLASS": ("reflects", "prefers"),
+    "HALF_MIRROR": ("reflectance", "absorption", "prefers"),
+    "LENS": ("focal_length",),
+}
+
 
 class VIEW3D_MT_kiriko_images(bpy.types.Menu):
     """Images of the file, to choose the picture from."""
@@ -101,7 +107,10 @@ def _draw_role(
         draw_product(labelled(layout, "Product"), context, thing)
     if ours.role == "GLASS":
         _draw_glass(layout, context, thing)
-    if ours.role in {"GLASS", "MIRROR"}:
+    for name in ELEMENT_SETTINGS.get(ours.role, ()):
+        if name != "prefers" or ours.role != "GLASS" or ours.element.reflects:
+            layout.prop(ours.element, name)
+    if ours.role in {"GLASS", "MIRROR", "HALF_MIRROR"}:
         layout.prop(ours, "surface")
     elif ours.role == "PLATE":
         _draw_plate(layout, ours.plate)

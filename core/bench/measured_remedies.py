@@ -50,7 +50,7 @@ def way_to_glass(rig: Rig) -> float:
         middle, axis = plane_of(rig).middle, _axis(rig)
     except RigError:  # no place
         return 0.0
-    if rig.mirrors or len(rig.plates) > 1:  # the display has another path
+    if not rig.glasses or rig.mirrors or len(rig.plates) > 1:  # the display has another path
         return 0.0
     ahead = np.concatenate([(glass.mesh.vertices - middle) @ axis for glass in rig.glasses])
     back, face = float(ahead.min()), float(ahead.max())

@@ -21,7 +21,7 @@ from ..light.optics import reflect
 from ..light.plan import Plan
 from ..light.rays import REASON_WORDS, Reason, main_landings
 from ..light.trace import tracing
-from ..rig.rig import Kind, Mesh, PicturePlace, Rig, Viewer
+from ..rig.rig import MET_ROLES, Kind, Mesh, PicturePlace, Rig, Viewer
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 MIDDLE = np.array([[0.5, 0.5]])
@@ -253,12 +253,9 @@ def stations_of(rig: Rig, plan: Plan | None, way: LightPath | None) -> list[Stat
         it, placed half way through the glass and at the other hits. Without a path, each kind with
         a single part is a station at its centre
     """
-    by_kind = {
-        Kind.GLASS: rig.glasses,
-        Kind.PLATE: rig.plates,
-        Kind.MIRROR: rig.mirrors,
-        Kind.DISPLAY: rig.displays if plan is None else (rig.display,),
-    }
+    by_kind = {role.kind: rig.of(role) for role in MET_ROLES if role.name != "BLOCKER"}
+    if plan is not None:
+        by_kind[Kind.DISPLAY] = (rig.display,)
     if plan is None or way is None:
         single = [
             kind for kind in (Kind.GLASS, Kind.PLATE, Kind.DISPLAY) if len(by_kind[kind]) == 1
@@ -303,7 +300,7 @@ def mirrored(points: Floats, stations: list[Station]) -> Floats | None:
 
     None if there are none, or if one is bent.
     """
-    between = [s for s in stations if s.kind in {Kind.PLATE, Kind.MIRROR}]
+    between = [s for s in stations if s.kind in {Kind.PLATE, Kind.MIRROR, Kind.HALF_MIRROR}]
     if not between or any(not station.mesh.is_flat for station in between):
         return None
 

@@ -16,7 +16,8 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     out, is_own = mirrored(plan, rays.directions[i], hits)
     patch = plan.triangles.patch[hits.triangle]
     for mirror, some in plan.part_of(hits.triangle):
-        reflected, transmitted = (np.full(len(some), share) for share in mirror.shares)
+        shares = mirror.reflectance, mirror.transmittance
+        reflected, transmitted = (np.full(len(some), share) for share in shares)
         splits, copies = rays.branch_off(i[some], reflected, transmitted, mirror.prefers)
         at = some[splits]
         rays.directions[copies] = normalise(out[at])

@@ -6,7 +6,6 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints
 from ..base.vectors import dot, normalise
-from ..glass.surfaces import Surface
 from ..rig.rig import Lens
 from .hits import Hits
 from .interaction_plate import flat_surface
@@ -22,11 +21,11 @@ class LensFrame(NamedTuple):
     focal_length: float
 
 
-def element(lens: Lens, surface: Surface) -> LensFrame:
+def lens_frame(lens: Lens) -> LensFrame:
     """The frame of a lens, centred at the centroid of its outline."""
-    a, b, c = np.moveaxis(surface.corners, 1, 0)
+    a, b, c = np.moveaxis(lens.mesh.corners, 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    centre = area @ surface.corners.mean(axis=1) / area.sum()
+    centre = area @ lens.mesh.corners.mean(axis=1) / area.sum()
     return LensFrame(centre, lens.focal_length)
 
 
@@ -43,4 +42,4 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], PASS)
 
 
-INTERACTION = Interaction(interact, flat_surface, element=element)
+INTERACTION = Interaction(interact, flat_surface, element=lambda lens, _: lens_frame(lens))

@@ -248,8 +248,9 @@ def _make_split(element: HalfMirror | Glass) -> Made | None:
     if not element.splits:
         return None
     made = Made(SplitStructure)
-    r, t = element.shares if isinstance(element, HalfMirror) else (0.0, 0.0)
-    made.set(reflectance=r, transmittance=t, prefers=get_args(Preference).index(element.prefers))
+    made.set(prefers=get_args(Preference).index(element.prefers))
+    if isinstance(element, HalfMirror):
+        made.set(reflectance=element.reflectance, transmittance=element.transmittance)
     return made
 
 

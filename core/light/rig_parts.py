@@ -59,7 +59,7 @@ def find_clear(surfaces: list[Surface], kind: Ints, deferred: Floats) -> Bools:
     for i in np.flatnonzero(kind == Kind.PLATE):
         normal = surfaces[i].normals[0]
         others = [s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY]
-        boxes = np.concatenate([np.stack(others), deferred])
+        boxes = np.concatenate([np.array(others).reshape(-1, 2, 3), deferred])
 
         # extent of the boxes along the normal; a curved face stays well within half its facet's
         # size

@@ -139,34 +139,32 @@ class Mirror(Part):
 class HalfMirror(Part):
     """A thin surface that reflects some of the light and lets the rest through, on both sides.
 
-    reflectance, transmittance : 0..1, with a sum of at most 1; None: no absorption
+    reflectance, absorption : 0..1, with a sum of at most 1; the rest of the light is transmitted
     prefers : path of the picture if light arrives by both
     """
 
     name: str
     mesh: Mesh
     reflectance: float = 0.5
-    transmittance: float | None = None
+    absorption: float = 0.0
     prefers: Preference = "brighter"
 
     splits = True
 
     @property
-    def shares(self) -> tuple[float, float]:
-        """Reflectance and transmittance."""
-        r, t = self.reflectance, self.transmittance
-        return r, 1 - r if t is None else t
+    def transmittance(self) -> float:
+        """Share of the light that passes straight."""
+        return max(1 - self.reflectance - self.absorption, 0.0)
 
     def check_numbers(self, owner: str) -> None:
         """Raise RigError for impossible shares of light."""
-        labels = "Reflectance", "Transmittance"
-        for label, value in zip(labels, (self.reflectance, self.shares[1]), strict=True):
+        for label, value in ("Reflectance", self.reflectance), ("Absorption", self.absorption):
             if not 0 <= value <= 1:
                 raise out_of_range(owner, label, value, 0, 1)
-        if sum(self.shares) > 1 + SHARE_ROUNDING:
+        if self.reflectance + self.absorption > 1 + SHARE_ROUNDING:
             raise RigError(
-                "{owner} reflects and transmits more light than it gets: lower its Reflectance or"
-                " its Transmittance.",
+                "{owner} reflects and absorbs more light than it gets: lower its Reflectance or its"
+                " Absorption.",
                 owner=owner,
             )
         _check_preference(owner, self.prefers)

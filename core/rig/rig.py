@@ -105,7 +105,7 @@ class Rig:
     glasses: tuple[Glass, ...] = _parts_of(Role(
         "GLASS", Message("Glass"), kind=0, number=1, icon="MATSPHERE",
         tip="Closed surfaces that refract light; an inner one is a cavity",
-        is_curved=True, may_be_off=True,
+        is_missed=True, is_curved=True, may_be_off=True,
     ))
     plates: tuple[Plate, ...] = _parts_of(Role(
         "PLATE", Message("Plate"), kind=1, number=2, icon="MESH_GRID",

@@ -60,7 +60,7 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
 
 def remedy_for_mesh(rig: Rig, counts: Counts, mesh: Tessellation) -> Message:
     """Remedy for the tessellation error, by its cause."""
-    if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):
+    if any(part.mesh.surface == "facets" for part in rig.curved_parts()):
         drawn = Message(
             "the glass is traced as drawn; subdivide it, or set its Surface to Automatic"
         )
@@ -91,7 +91,7 @@ def facetted_glass(rig: Rig) -> str:
 
 def remedy_for_irregular(rig: Rig, mesh: Tessellation) -> Message:
     """Remedy for an irregular mesh that is traced as curved."""
-    part = (*rig.glasses, *rig.mirrors)[mesh.uneven]
+    part = rig.curved_parts()[mesh.uneven]
     if part.mesh.surface == "smooth":
         return Message("set its Surface to Automatic, or use a finer or more regular mesh")
     return Message("use a finer or more regular mesh")
@@ -99,7 +99,7 @@ def remedy_for_irregular(rig: Rig, mesh: Tessellation) -> Message:
 
 def name_of(rig: Rig, part: int) -> str:
     """Name of a glass or mirror, by its number among both."""
-    return (*rig.glasses, *rig.mirrors)[part].name
+    return rig.curved_parts()[part].name
 
 
 def is_facetted(mesh: Mesh) -> bool:

@@ -30,6 +30,9 @@ def test_numbers_stay_as_files_and_the_kernel_have_them():
         (2, "MIRROR"),
         (3, "BLOCKER"),
         (4, "DISPLAY"),
+        (5, "HALF_MIRROR"),
+        (6, "RETROREFLECTOR"),
+        (7, "LENS"),
     ]
     assert Kind.DISPLAY == 4
 
@@ -41,4 +44,7 @@ def test_numbers_stay_as_files_and_the_kernel_have_them():
         4: "DISPLAY",
         5: "PICTURE",
         6: "BLOCKER",
+        7: "HALF_MIRROR",
+        8: "RETROREFLECTOR",
+        9: "LENS",
     }

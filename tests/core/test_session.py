@@ -391,7 +391,6 @@ BAD = {
         RigError,
         "'viewer' sees nothing",
     ),
-    "no glass": (without("glasses"), RigError, "no glass"),
     "no display": (without("displays"), RigError, "no display"),
     "no picture": (without("pictures"), RigError, "no picture"),
     "no viewer": (without("viewers"), RigError, "no viewer"),

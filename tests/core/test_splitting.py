@@ -40,7 +40,7 @@ def test_both_paths_are_those_of_no_pane_and_of_a_mirror(tracer):
     """A landing for each, with its share of the light, by its ray's number; the straight one of
     light that arrives is the main one.
     """
-    a_rig = panes(1, reflectance=0.4, transmittance=0.3)
+    a_rig = panes(1, reflectance=0.4, absorption=0.3)
     o, d = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 64, (3000, 2)))
     apart = [replace(a_rig, half_mirrors=()), panes(1, kind=Mirror)]
     straight, reflected = (trace_all(compile_plan(one, SETTINGS), o, d) for one in apart)
@@ -159,7 +159,7 @@ def test_glass_that_reflects_shares_light_by_fresnel(tracer):
     ("options", "words"),
     [
         ({"reflectance": 1.5}, "Reflectance 1.5: set it from 0 to 1"),
-        ({"reflectance": 0.6, "transmittance": 0.6}, "more light than it gets"),
+        ({"reflectance": 0.6, "absorption": 0.6}, "more light than it gets"),
         ({"prefers": "both"}, "preference 'both'"),
     ],
 )

@@ -294,7 +294,7 @@ def test_picture_that_ffmpeg_has_no_room_for_is_one_sentence():
     for times, width in ((4, 16383), (2, 32767), (1, 65535)):
         options = MapOptions(("EXR", "FFMPEG"), times=times)
         options.check_for(replace(place, width=width))
-        with pytest.raises(RigError, match=rf"has {width + 1} x .* room for {width}: set .*\.$"):
+        with pytest.raises(RigError, match=rf"has {width + 1} x .* allow {width}: set .*\.$"):
             options.check_for(replace(place, width=width + 1))
     MapOptions(("EXR", "NPZ"), times=4).check_for(wide)
     with pytest.raises(RigError, match=r"x 65536 pixels"):
@@ -317,7 +317,7 @@ def test_channels_never_share_a_file():
     [{"formats": ()}, {"overscan": -1.0}, {"overscan": 101.0}, {"times": 3}, {"mesh_step": 0.5}],
 )
 def test_options_that_cannot_be_are_one_sentence(options):
-    with pytest.raises(RigError, match=r"^[A-Z].*: (choose|set) .*\.$"):
+    with pytest.raises(RigError, match=r": set .*\.$|Select one or more\.$"):
         MapOptions(**options).check()
 
 

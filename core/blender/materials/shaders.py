@@ -1,5 +1,6 @@
 """Materials with which Cycles obeys the laws of Kiriko's tracer."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -122,15 +123,55 @@ def be_plate(material: bpy.types.Material) -> None:
     """
     tree, output = cleared(material)
     geometry = tree.nodes.new("ShaderNodeNewGeometry")
-    reflect = tree.nodes.new("ShaderNodeVectorMath")
+    turned = _vector(tree, "REFLECT", geometry.outputs["Incoming"], geometry.outputs["True Normal"])
+    _send(tree, output, geometry, turned)
+
+
+def be_retroreflector(material: bpy.types.Material) -> None:
+    """Light leaves along -i, Cycles' Incoming."""
+    tree, output = cleared(material)
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    _send(tree, output, geometry, geometry.outputs["Incoming"])
+
+
+def be_lens(material: bpy.types.Material, centre: Sequence[float], focal_length: float) -> None:
+    """Thin lens: light leaves along i / |i.n| - (p - centre) / f.
+
+    centre, focal_length : Blender units, world
+    """
+    tree, output = cleared(material)
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    incoming = geometry.outputs["Incoming"]
+    cosine = _vector(tree, "DOT_PRODUCT", incoming, geometry.outputs["True Normal"])
+    size = tree.nodes.new("ShaderNodeMath")
+    size.operation = "ABSOLUTE"
+    tree.links.new(cosine.node.outputs["Value"], size.inputs[0])
+    slopes = _vector(tree, "DIVIDE", incoming, size.outputs[0])
+    away = _vector(tree, "SUBTRACT", geometry.outputs["Position"], tuple(centre))
+    away = _vector(tree, "DIVIDE", away, (-focal_length,) * 3)
+    direction = _vector(tree, "NORMALIZE", _vector(tree, "SUBTRACT", away, slopes))
+    _send(tree, output, geometry, direction)
+
+
+def _vector(tree: Any, operation: str, *values: Any) -> Any:
+    """The socket of a vector operation on sockets or constants."""
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = operation
+    for socket, value in zip(node.inputs, values, strict=False):
+        if isinstance(value, tuple):
+            socket.default_value = value
+        else:
+            tree.links.new(value, socket)
+    return node.outputs["Vector"]
+
+
+def _send(tree: Any, output: Any, geometry: Any, direction: Any) -> None:
+    """Let light go on from where it is, in a direction, by a ray portal."""
     portal = tree.nodes.new("ShaderNodeBsdfRayPortal")
-    reflect.operation = "REFLECT"
-    tree.links.new(geometry.outputs["Incoming"], reflect.inputs[0])
-    tree.links.new(geometry.outputs["True Normal"], reflect.inputs[1])
-    tree.links.new(reflect.outputs["Vector"], portal.inputs["Direction"])
+    tree.links.new(direction, portal.inputs["Direction"])
     tree.links.new(geometry.outputs["Position"], portal.inputs["Position"])
     tree.links.new(portal.outputs[0], output.inputs["Surface"])
-    for column, node in enumerate((geometry, reflect, portal, output)):
+    for column, node in enumerate((geometry, direction.node, portal, output)):
         node.location = (220 * column - 440, 0)
 
 
@@ -236,6 +277,19 @@ def be_mirror(material: bpy.types.Material) -> None:
     tree, output = cleared(material)
     glossy = _clear(tree, "ShaderNodeBsdfAnisotropic")
     tree.links.new(glossy.outputs[0], output.inputs["Surface"])
+
+
+def be_half_mirror(material: bpy.types.Material, reflectance: float, transmittance: float) -> None:
+    """A thin surface with shares of reflected and of transmitted light, 0..1."""
+    tree, output = cleared(material)
+    add = tree.nodes.new("ShaderNodeAddShader")
+    glossy = _clear(tree, "ShaderNodeBsdfAnisotropic")
+    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+    for k, (node, share) in enumerate(((glossy, reflectance), (clear, transmittance))):
+        node.inputs["Color"].default_value = (share, share, share, 1.0)
+        tree.links.new(node.outputs[0], add.inputs[k])
+        node.location = (-440, -200 * k)
+    tree.links.new(add.outputs[0], output.inputs["Surface"])
 
 
 def be_blocker(material: bpy.types.Material) -> None:

@@ -14,13 +14,21 @@ from ..data.translation_context import in_own_words
 from . import view
 from .calibration_settings import KirikoCalibration
 from .light import KirikoDisplay, KirikoPicture
-from .object_settings import KirikoMaterial, KirikoObject, KirikoPlate, KirikoSlot, show_image
+from .object_settings import (
+    KirikoElement,
+    KirikoMaterial,
+    KirikoObject,
+    KirikoPlate,
+    KirikoSlot,
+    show_image,
+)
 from .result_record import KirikoResult
 from .rig_settings import KirikoRig, KirikoScene, KirikoSight, is_camera
 from .view import KirikoView
 from .viewers import KirikoViewer, turn_on
 
 classes = (
+    KirikoElement,
     KirikoPlate,
     KirikoPicture,
     KirikoDisplay,
@@ -37,6 +45,7 @@ classes = (
 )
 # settings of objects and rigs, which library overrides can also change
 OVERRIDABLE = (
+    KirikoElement,
     KirikoPlate,
     KirikoPicture,
     KirikoDisplay,

@@ -157,6 +157,59 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
 
 
+PREFERENCES = (
+    ("BRIGHTER", "Brighter", "The brighter of the two paths carries the picture"),
+    ("REFLECTED", "Reflected First", "Reflected light carries the picture if it arrives"),
+    ("TRANSMITTED", "Transmitted First", "Transmitted light carries the picture if it arrives"),
+)
+
+
+class KirikoElement(bpy.types.PropertyGroup):
+    """Optical numbers of half mirrors, glass that reflects, and lenses."""
+
+    reflectance: FloatProperty(
+        name="Reflectance",
+        description="Share of the light that is reflected",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    absorption: FloatProperty(
+        name="Absorption",
+        description="Share of the light that is lost; the rest passes",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    reflects: BoolProperty(
+        name="Use Reflection",
+        description="Light reflected by the surface may carry the picture, as on water or a"
+        " polished table",
+        default=False,
+    )
+    prefers: EnumProperty(
+        name="Picture By",
+        description="Path of the picture if light arrives by both",
+        items=PREFERENCES,
+        default="BRIGHTER",
+    )
+    focal_length: FloatProperty(
+        name="Focal Length",
+        description="Always in millimetres; below 0 for a diverging lens",
+        default=100.0,
+        soft_min=10.0,
+        soft_max=1000.0,
+        precision=2,
+        step=100,
+        unit="CAMERA",
+    )
+
+
+ELEMENT = tuple(KirikoElement.__annotations__)  # names of its properties
+
+
 class KirikoSlot(bpy.types.PropertyGroup):
     """A material slot before Make It Glass; `link` is "OBJECT" or "DATA"."""
 
@@ -217,6 +270,7 @@ class KirikoObject(bpy.types.PropertyGroup):
         soft_max=10,
     )
     plate: PointerProperty(type=KirikoPlate)
+    element: PointerProperty(type=KirikoElement)
     picture: PointerProperty(type=KirikoPicture)
     display: PointerProperty(type=KirikoDisplay)
     surface: EnumProperty(

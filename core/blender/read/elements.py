@@ -76,7 +76,14 @@ def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]
             )
 
     notes += _notes_on_materials(part, readings)
-    glass = Glass(part.name, part.mesh, ConstantIndex(readings[0].ior), settings.priority)
+    glass = Glass(
+        part.name,
+        part.mesh,
+        ConstantIndex(readings[0].ior),
+        settings.priority,
+        settings.element.reflects,
+        settings.element.prefers.lower(),
+    )
     return glass, readings, notes
 
 

@@ -1,6 +1,6 @@
 """Blender's side of glass."""
 
-from typing import Any
+from typing import NamedTuple
 
 import bpy
 
@@ -19,21 +19,32 @@ def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     return FoundPart(glass, notes, materials)
 
 
-def looks(rig: Rig) -> tuple[dict[str, Any], list[str]]:
+class GlassLook(NamedTuple):
+    """The interface of glass, and whether its reflection carries the picture."""
+
+    interface: Interface
+    reflects: bool
+
+
+def looks(rig: Rig) -> tuple[dict[str, GlassLook], list[str]]:
     """The interfaces of all glass with an index of its own."""
     found, notes = interfaces(rig.glasses)
-    by_name = {glass.name: face for glass, face in zip(rig.glasses, found, strict=True)}
-    return {name: face for name, face in by_name.items() if face.index is not None}, notes
+    of_each = zip(rig.glasses, found, strict=True)
+    return {
+        glass.name: GlassLook(face, glass.reflects)
+        for glass, face in of_each
+        if face.index is not None
+    }, notes
 
 
-def shade(material: bpy.types.Material, look: Interface, studio: Studio) -> None:
+def shade(material: bpy.types.Material, look: GlassLook, studio: Studio) -> None:
     """Refract by the ratio of the two media."""
-    shaders.be_glass(material, look.index, studio.fresnel)
+    shaders.be_glass(material, look.interface.index, studio.fresnel or look.reflects)
 
 
-def is_inside_out(look: Interface) -> bool:
+def is_inside_out(look: GlassLook) -> bool:
     """Whether all its normals point inward."""
-    return look.is_inside_out
+    return look.interface.is_inside_out
 
 
 IN_BLENDER = InBlender(read, shade, looks, is_inside_out)

@@ -1,0 +1,22 @@
+"""Blender's side of a retroreflector."""
+
+import bpy
+
+from ...rig.rig import Retroreflector
+from ..materials import shaders
+from .part_roles import FoundPart, InBlender, Studio
+from .scene_parts import WorldPart
+from .shapes import ShapeCache
+
+
+def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
+    """A retroreflector, which is its mesh."""
+    return FoundPart(Retroreflector(part.name, part.mesh), [], [])
+
+
+def shade(material: bpy.types.Material, look: None, studio: Studio) -> None:
+    """Return light along its path."""
+    shaders.be_retroreflector(material)
+
+
+IN_BLENDER = InBlender(read, shade)
