@@ -13,8 +13,9 @@ from ..core.blender.data.image import pixels_from_image
 from ..core.blender.data.rigs import name_of_view
 from ..core.blender.data.stored_records import Sentences
 from ..core.blender.result.write_result import replace_image
-from ..core.image.simulation import Simulation, simulate
+from ..core.image.simulation import OTHER_PATH, Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath
+from ..core.rig.rig import Rig
 from . import long_work, needed, watch, work
 from .windows import show_image
 
@@ -22,7 +23,7 @@ NAME = "Kiriko Seen"
 
 
 class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
-    """Simulate the viewer's view with the plate's stray light, dimness and blur"""
+    """Simulate the view with all stray light, dimness and blur of plates and half mirrors"""
 
     bl_idname = "kiriko.simulate"
     bl_label = "Simulate"
@@ -39,7 +40,9 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        reasons = needed.unsolved(scene) + needed.missing_parts(scene) + needed.no_plate(scene)
+        reasons = (
+            needed.unsolved(scene) + needed.missing_parts(scene) + needed.no_stray_light(scene)
+        )
         return needed.can_run(cls, reasons)
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
@@ -71,7 +74,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         text = Message(
             "The image '{image}' shows what the viewer sees{more}.",
             image=image.name,
-            more=simulation_report(found),
+            more=simulation_report(found, rig),
         )
         result.seen_summary = text
         earlier = Sentences.read(result.sentences).by_text
@@ -83,16 +86,16 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         return joined([text, watch.CHANGED])
 
 
-def simulation_report(found: Simulation) -> str:
+def simulation_report(found: Simulation, rig: Rig) -> str:
     """Fractions of stray light, and the noise."""
-    whole = sum(found.luminance.values())
+    whole = sum(found.luminance[path] for path in PlatePath)
     if not whole:
         return Message(": nothing")
 
-    parts = {
-        Message("stray light of the plate"): STRAY_PATHS,
-        Message("past the plate"): (PlatePath.NONE,),
-    }
+    parts = {Message("by other paths than the picture's"): (OTHER_PATH,)}
+    if rig.plates:
+        parts[Message("stray light of the plate")] = STRAY_PATHS
+        parts[Message("past the plate")] = (PlatePath.NONE,)
     words = []
 
     for word, paths in parts.items():

@@ -259,3 +259,7 @@ def draw_work(layout: bpy.types.UILayout, details: dict) -> None:
     if details.get("glare"):
         share = percent(details["glare"]["share"])
         column.label(text=in_words(Message("Glare: {share}", share=share)))
+    if details.get("split"):
+        brightness, stray = (percent(details["split"][name]) for name in ("brightness", "stray"))
+        text = Message("Brightness: {share}; stray light: {stray}", share=brightness, stray=stray)
+        column.label(text=in_words(text))

@@ -11,6 +11,7 @@ from ..base.messages import Message, joined
 from ..base.steps import Steps
 from ..base.vectors import dot
 from ..light.plan import Plan
+from ..light.rays import are_main
 from ..light.trace import tracing
 from .simulation import LUMINANCE
 
@@ -29,6 +30,17 @@ class Glare(NamedTuple):
     where: str
 
 
+class Split(NamedTuple):
+    """Light in a rig whose parts split it.
+
+    brightness : mean throughput of the picture's light, 0..1
+    stray : share, 0..1, of the viewer's light by other paths than the picture's
+    """
+
+    brightness: float
+    stray: float
+
+
 @dataclass(frozen=True, eq=False)
 class StrayLight:
     """A sample of rays from the display, through the glass and past it.
@@ -37,12 +49,23 @@ class StrayLight:
     pixel : (n,) of the display, row by row
     throughput : (n,)
     is_past_glass : (n,) past the glass
+    is_main : (n,) by the path of the picture, if parts split light
     """
 
     view: Floats
     pixel: Ints
     throughput: Floats
     is_past_glass: NDArray[np.bool_]
+    is_main: NDArray[np.bool_]
+
+    def split_of(self, shown: NDArray[np.float32]) -> Split:
+        """Brightness and stray light of the display's light (H, W, 3), linear."""
+        light = dot(shown.reshape(-1, 3)[self.pixel].astype(float), LUMINANCE) * self.throughput
+        total = light.sum()
+        return Split(
+            brightness=float(self.throughput[self.is_main].mean()) if self.is_main.any() else 0.0,
+            stray=float(light[~self.is_main].sum() / total) if total else 0.0,
+        )
 
     def seen_of(self, shown: NDArray[np.float32]) -> Glare:
         """The glare of the display's light (H, W, 3), linear."""
@@ -99,4 +122,5 @@ def trace_stray_light(plan: Plan, seed: int = 0) -> Steps[StrayLight]:
         (pixel + past_pixel)[is_seen],
         landings.throughput[is_seen],
         is_past_glass[is_seen],
+        are_main(landings, len(view))[is_seen],
     )

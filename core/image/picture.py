@@ -95,7 +95,7 @@ def cover_in_view(place: PicturePlace, viewer: Viewer) -> Floats:
     """
     w, h = viewer.width, viewer.height
     if place.mesh is None:
-        return np.ones((h, w))
+        return np.ones((h, w)) if place.mask is None else place.mask
 
     cover = np.zeros((h, w))
     near = np.arange(h * w)

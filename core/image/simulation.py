@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
 from ..base.vectors import dot
 from ..light.plan import Plan
 from ..light.plate import PlatePath
-from ..light.rays import PlateLight, main_landings
+from ..light.rays import PlateLight, are_main, main_landings
 from ..light.trace import TRACED_AT_ONCE, trace
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
@@ -22,6 +22,9 @@ EVEN_STEP = np.array([0.7548776662466927, 0.5698402909980532])
 SELDOM = 8
 
 
+OTHER_PATH = len(PlatePath)  # light by other paths than the picture's, if parts split light
+
+
 @dataclass(frozen=True, eq=False)
 class Simulation:
     """The image seen through a plate's mirrors.
@@ -30,15 +33,15 @@ class Simulation:
     ----------
     image : (h, w, 3) linear, row 0 at the top
     error : standard error of a pixel's luminance, rms over the image
-    luminance : mean over the image for each PlatePath
+    luminance : mean over the image for each PlatePath, and of all light by OTHER_PATH
     luminance_error : its standard errors
     spp : rays a viewer pixel, an even number
     """
 
     image: NDArray[np.float32]
     error: float
-    luminance: dict[PlatePath, float]
-    luminance_error: dict[PlatePath, float]
+    luminance: dict[int, float]
+    luminance_error: dict[int, float]
     spp: int
 
 
@@ -64,7 +67,7 @@ def simulate(
     n = viewer.width * viewer.height
     passes = 2 * ((max(spp, 1) + 1) // 2)
     halves = np.zeros((2, 3, n))
-    by_pass = np.zeros((passes, len(PlatePath)))
+    by_pass = np.zeros((passes, len(PlatePath) + 1))
     random = np.random.default_rng(seed)
     start = random.random((2, n, 2))
 
@@ -82,13 +85,15 @@ def simulate(
                 some = np.flatnonzero(random.random(len(pixels)) < share)
                 kinds.append(("reflected", some, 1.0 / share))
             for light, some, weight in kinds:
-                rays, colours, path = _shown(plan, xy[some], light, texels)
+                rays, colours, path, is_main = _shown(plan, xy[some], light, texels)
                 colours *= weight
                 # a ray that splits adds all its light
                 of_chunk = halves[k % 2][:, first : first + len(pixels)]
                 for channel in range(3):
                     of_chunk[channel] += np.bincount(some[rays], colours[:, channel], len(pixels))
-                by_pass[k] += np.bincount(path, dot(colours, LUMINANCE), len(PlatePath)) / n
+                bright = dot(colours, LUMINANCE) / n
+                by_pass[k] += np.bincount(path, bright, OTHER_PATH + 1)
+                by_pass[k, OTHER_PATH] += bright[~is_main].sum()
             yield (k * n + first + len(pixels)) / (passes * n)
 
     halves *= 2.0 / passes
@@ -99,15 +104,17 @@ def simulate(
     return Simulation(
         image=image,
         error=float(np.sqrt((apart**2).mean()) / 2),
-        luminance=dict(zip(PlatePath, by_pass.mean(axis=0).tolist(), strict=True)),
-        luminance_error=dict(zip(PlatePath, spread.tolist(), strict=True)),
+        luminance=dict(enumerate(by_pass.mean(axis=0).tolist())),
+        luminance_error=dict(enumerate(spread.tolist())),
         spp=passes,
     )
 
 
-def _shown(plan: Plan, xy: Floats, light: PlateLight, texels: Floats) -> tuple[Ints, Floats, Ints]:
+def _shown(
+    plan: Plan, xy: Floats, light: PlateLight, texels: Floats
+) -> tuple[Ints, Floats, Ints, Bools]:
     """Display light at viewer px (n, 2) for one kind of light: indices (m,) of lit points, colours
-    (m, 3) and PlatePath (m,).
+    (m, 3), PlatePath (m,), and whether by the path of the picture (m,), if parts split light.
 
     texels : (H * W, 3) of the display, row by row
     """
@@ -118,7 +125,8 @@ def _shown(plan: Plan, xy: Floats, light: PlateLight, texels: Floats) -> tuple[I
         is_seen &= landings.plate_path == PlatePath.REFLECTED
 
     colours = texels[index[is_seen]] * landings.throughput[is_seen, None]
-    return landings.sample[is_seen], colours, landings.plate_path[is_seen]
+    is_main = are_main(landings, len(xy))[is_seen]
+    return landings.sample[is_seen], colours, landings.plate_path[is_seen], is_main
 
 
 @dataclass(frozen=True)

@@ -139,6 +139,15 @@ def main_of(landings: Landings, n_rays: int, expected: Words | None = None) -> I
     return main
 
 
+def are_main(landings: Landings, n_rays: int) -> Bools:
+    """Whether (n,) each is the main landing of its ray, as by `main_of`."""
+    is_main = np.ones(len(landings.sample), bool)
+    if len(is_main) > n_rays:
+        is_main[:] = False
+        is_main[main_of(landings, n_rays)] = True
+    return is_main
+
+
 def main_landings(landings: Landings, n_rays: int, expected: Words | None = None) -> Landings:
     """The main landing of each of n rays, in order, as by `main_of`.
 

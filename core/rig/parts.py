@@ -299,12 +299,15 @@ class PicturePlace(Part):
     ----------
     width, height : of the image, pixels
     mesh : the textured plane (with UV), or None for an image in the viewer's own pixels
+    mask : (height, width) fraction of each viewer pixel that belongs to the picture, 0..1; None for
+        the whole image
     """
 
     name: str
     width: int
     height: int
     mesh: Mesh | None = None
+    mask: Floats | None = None
 
     @property
     def place(self) -> "PicturePlace":
@@ -340,10 +343,12 @@ class OwnImage:
 
     name : of the viewer
     image : (h, w, 4) float32, as for a picture
+    mask : (h, w), as for a place
     """
 
     name: str
     image: NDArray[np.float32]
+    mask: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,18 +360,20 @@ class Picture(Part):
     image : (h, w, 4) float32, linear, premultiplied by alpha, row 0 at the top
     mesh : the textured plane (with UV), or None for an image in the viewer's own pixels
     own : instead of the image, one for each viewer, in their own pixels
+    mask : (h, w), as for a place
     """
 
     name: str
     image: NDArray[np.float32]
     mesh: Mesh | None = None
     own: tuple[OwnImage, ...] = ()
+    mask: Floats | None = None
 
     @property
     def place(self) -> PicturePlace:
         """Everything except the colours."""
         height, width = self.image.shape[:2]
-        return PicturePlace(self.name, width, height, self.mesh)
+        return PicturePlace(self.name, width, height, self.mesh, self.mask)
 
     @property
     def images(self) -> tuple[NDArray[np.float32], ...]:
@@ -383,8 +390,8 @@ class Picture(Part):
         """The picture for the viewer of a name."""
         if not self.own:
             return self
-        by_viewer = {one.name: one.image for one in self.own}
-        return Picture(self.name, by_viewer.get(viewer, self.image))
+        own = next((one for one in self.own if one.name == viewer), OwnImage("", self.image))
+        return Picture(self.name, own.image, mask=own.mask)
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError if its plane cannot hold an image."""

@@ -17,7 +17,7 @@ from ..base.messages import Message
 from ..base.stages import MAP, spans
 from ..base.steps import Steps, hold_progress, run_steps, subprogress
 from ..image.ghosts import paths_of
-from ..image.glare import Glare, StrayLight, trace_stray_light, with_stray_light
+from ..image.glare import Glare, Split, StrayLight, trace_stray_light, with_stray_light
 from ..image.seen_image import ideal_image, seeing
 from ..image.simulation import PlateView, plate_view
 from ..light.compile_plan import compile_plan_steps
@@ -41,7 +41,7 @@ class Measured:
 
     picture : key of the picture's place; accuracy depends on it in part
     plate : brightness and blur of a plate's mirrors; None for an ideal plate
-    stray : sample of the light past the glass; None if it carries the picture too
+    stray : sample of all light; None if all of it carries the picture
     """
 
     picture: str
@@ -71,7 +71,7 @@ def measuring(
 
     stray = (
         (yield from hold_progress(1.0, trace_stray_light(plan)))
-        if plan.settings.only_through_glass
+        if plan.settings.only_through_glass or plan.n_copies
         else None
     )
     lap("glare")
@@ -128,6 +128,7 @@ class Channel:
     plan : the rig as traced for this viewer and wavelength
     plate : brightness and blur of a plate's mirrors; None for an ideal plate
     glare : light past the glass; None if it carries the picture too
+    split : brightness and stray light, if parts split light
     shares : of all cells, in batches
     shown : selects the shares that display pixels show
     coverage : sums over the shares, by display pixel
@@ -143,6 +144,7 @@ class Channel:
     accuracy: Accuracy
     plate: PlateView | None
     glare: Glare | None
+    split: Split | None
     shares: ShareBatches
     shown: Callable[[Shares], Shares]
     coverage: Coverage

@@ -95,9 +95,24 @@ def of_displays(channel: Channel) -> Steps[tuple[float, ...]]:
 
 def check_seen(picture: PicturePlace, viewer: Viewer) -> None:
     """Raise RigError if a viewer would not see the picture even without glass."""
+    if not is_in_view(picture, viewer):
+        raise _unseen(picture, viewer)
+
+
+def _unseen(picture: PicturePlace, viewer: Viewer) -> RigError:
+    return RigError(
+        "The viewer '{viewer}' does not see the picture '{picture}', {why}.",
+        viewer=viewer.name,
+        picture=picture.name,
+        why=why_unseen(picture, viewer),
+    )
+
+
+def is_in_view(picture: PicturePlace, viewer: Viewer) -> bool:
+    """Whether a viewer would see the picture without glass."""
     if picture.mesh is not None and _fills_a_pixel(picture, viewer):
-        return
-    _shown(picture, viewer, cover_in_view(picture, viewer))
+        return True
+    return float(cover_in_view(picture, viewer).sum()) >= UNSEEN_PX2
 
 
 def _fills_a_pixel(picture: PicturePlace, viewer: Viewer) -> bool:
@@ -113,12 +128,7 @@ def _shown(picture: PicturePlace, viewer: Viewer, cover_of_view: Floats) -> floa
     """Area of the picture in the viewer's image, px^2; RigError if there is none."""
     shown = float(cover_of_view.sum())
     if shown < UNSEEN_PX2:
-        raise RigError(
-            "The viewer '{viewer}' does not see the picture '{picture}', {why}.",
-            viewer=viewer.name,
-            picture=picture.name,
-            why=why_unseen(picture, viewer),
-        )
+        raise _unseen(picture, viewer)
     return shown
 
 

@@ -25,7 +25,7 @@ from ..map.shares import ShareBatches, add_at
 from ..rig.joined_display import sections_of
 from ..rig.rig import Rig
 from ..rig.settings import Settings
-from ..rig.viewer import Projector
+from ..rig.viewer import Projector, Viewer
 from .channel import sample_reached, shares_of
 from .memory import check_memory
 from .solution import Remark, warning
@@ -72,27 +72,41 @@ def trace_projector(
     ------
     RigError, MeshError : it is inside glass; from `sample_reached`
     """
-    settings = settings_of_projectors(settings)
+    steps = trace_sides(rig.joined, projector, settings_of_projectors(settings), cache)
+    try:
+        sides = yield from subprogress(steps, 0.0, 0.9)
+    except InsideGlassError as error:
+        raise RigError(
+            "The projector '{projector}' is inside the glass '{glass}': move it out.",
+            projector=projector.name,
+            glass=error.message.values["glass"],
+        ) from error
+
+    on_screen = yield from hold_progress(0.9, _light_on_screens(rig, projector, sides))
+    return Projection(projector, sides, on_screen)
+
+
+def trace_sides(
+    rig: Rig, viewer: Viewer, settings: Settings, cache: MeshCache
+) -> Generator[float, None, tuple[ShareBatches, ...]]:
+    """Shares between a viewer's pixels and those of the front and of the back of a rig's display;
+    yields progress 0..1.
+
+    Raises
+    ------
+    RigError, MeshError : from `sample_reached`
+    """
     display = rig.display
     turned = replace(display.mesh, triangles=display.mesh.triangles[:, ::-1])
     turned = replace(turned, uv=display.mesh.uv[:, ::-1])
     sides = []
     for k, mesh in enumerate((display.mesh, turned)):
-        side = replace(rig.joined, viewers=(projector,), displays=(replace(display, mesh=mesh),))
+        side = replace(rig, viewers=(viewer,), displays=(replace(display, mesh=mesh),))
         check_memory(side, settings)
-        steps = sample_reached(side, projector, settings, cache, lap=lambda part: None)
-        try:
-            _, view_map = yield from subprogress(steps, *section((0.0, 0.9), k, 2))
-        except InsideGlassError as error:
-            raise RigError(
-                "The projector '{projector}' is inside the glass '{glass}': move it out.",
-                projector=projector.name,
-                glass=error.message.values["glass"],
-            ) from error
+        steps = sample_reached(side, viewer, settings, cache, lap=lambda part: None)
+        _, view_map = yield from subprogress(steps, *section((0.0, 1.0), k, 2))
         sides.append(shares_of(view_map, False, partial(view_map.pieces, at_pixels=True)))
-
-    on_screen = yield from hold_progress(0.9, _light_on_screens(rig, projector, sides))
-    return Projection(projector, tuple(sides), on_screen)
+    return tuple(sides)
 
 
 def _light_on_screens(

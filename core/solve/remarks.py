@@ -10,7 +10,7 @@ from ..base.numbers import number
 from ..base.words import percent
 from ..glass.meshes import find_edges, geometric_normals
 from ..image.flat_picture import outline_in_view
-from ..image.glare import Glare
+from ..image.glare import Glare, Split
 from ..image.picture import cover_in_view
 from ..light.display import display_pixel
 from ..light.plan import Counts, Plan
@@ -193,6 +193,16 @@ def on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
     )
 
 
+def _on_split(split: Split | None) -> Iterator[Remark]:
+    """Remark on stray light where parts split light."""
+    if split is not None and split.stray >= GLARE:
+        yield note(
+            "{share} of the viewer's light comes by other paths than the picture's, such as a"
+            " second reflection. See Simulate, or block it.",
+            share=percent(split.stray),
+        )
+
+
 LEAST_ROUNDED_PX = 0.1  # display px of rounding error that are worth a remark
 # Fraction of the picture outside the viewer's frame that is worth a remark. Along the outline of a
 # picture of few pixels it is accurate to half of this.
@@ -290,6 +300,7 @@ def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark
     yield from on_white(rig, plan, light)
     yield from on_black(rig, light)
     yield from on_glare(plan, channel.glare)
+    yield from _on_split(channel.split)
 
 
 def _on_frame(rig: Rig, viewer: Viewer) -> Iterator[Remark]:

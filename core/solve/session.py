@@ -48,6 +48,7 @@ from .projection import (
     settings_of_projectors,
     trace_projector,
 )
+from .reflected_picture import is_reflected, reflect_picture
 from .remarks import remarks_on, remarks_on_displays
 from .solution import Solution
 
@@ -201,6 +202,7 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
     light : (H, W, 3) wanted of the display
     """
     picture_coverage, misses = placed.covered
+    stray, shown = traced.measured.stray, plan.rig.display.nearest(light)
     measured = traced.measured
     if sum(measured.accuracy.leaked.values()) > LEAST_LOST:
         picture_coverage, misses = _but_leaked(picture_coverage, misses, measured.accuracy.leaked)
@@ -210,7 +212,8 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
         view_map=traced.view_map,
         accuracy=measured.accuracy,
         plate=measured.plate,
-        glare=measured.stray and measured.stray.seen_of(plan.rig.display.nearest(light)),
+        glare=stray.seen_of(shown) if plan.settings.only_through_glass else None,
+        split=stray.split_of(shown) if plan.n_copies else None,
         shares=placed.shares,
         shown=placed.shown,
         coverage=placed.coverage,
@@ -250,6 +253,8 @@ class Session:
         settings = (settings or Settings()).for_rig(rig)
         rig.check()
         settings.check()
+        if is_reflected(rig):
+            rig = yield from hold_progress(0.0, reflect_picture(rig, settings, self._cache))
         if not rig.projectors:
             return (yield from self._solve(rig, settings, show))
 

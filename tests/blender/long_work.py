@@ -369,7 +369,7 @@ def run(name: str) -> Callable[[], object]:
         "export_maps": ("directory", "overwrite"),
     }.get(name, ())
     always = {
-        "export": {"allow_stale": True},
+        "export": {"allow_stale": True, "overwrite": True},
         "best_place": {"take": True},
         "turn_back": {"take": True},
     }.get(name, {})

@@ -212,6 +212,7 @@ def test_where_the_glare_is(place, where):
         np.zeros(600, np.int64),
         np.ones(600),
         np.arange(600) >= 500,
+        np.ones(600, bool),
     )
     found = light.seen_of(np.ones((1, 1, 3), np.float32))
 

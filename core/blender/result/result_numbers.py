@@ -49,6 +49,7 @@ def numbers_of(
         "tessellation_error": solution.first.tessellation_error,
         "plate": None if solution.first.plate is None else asdict(solution.first.plate),
         "glare": None if solution.first.glare is None else solution.first.glare._asdict(),
+        "split": None if solution.first.split is None else solution.first.split._asdict(),
         "tolerance": tolerance,
         "map_error": asdict(solution.first.map_error),
         "total_seconds": sum(solution.seconds.values()),
