@@ -32,6 +32,7 @@ ELEMENT_SETTINGS = {
     "GLASS": ("reflects", "prefers"),
     "HALF_MIRROR": ("reflectance", "absorption", "prefers"),
     "LENS": ("focal_length",),
+    "RETROREFLECTOR": ("spread", "pitch"),
 }
 
 

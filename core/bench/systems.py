@@ -25,8 +25,10 @@ from ..rig.rig import (
     MirrorArray,
     PicturePlace,
     Plate,
+    Projector,
     Retroreflector,
     Rig,
+    Screen,
     Viewer,
 )
 
@@ -322,6 +324,55 @@ def p_cubee() -> Rig:
     return rig(viewer([0.3, -0.5, 0.4], 0 * X, 0.34), faces, picture(0 * X, 0.12))
 
 
+def projector(
+    name: str, position: Sequence[float], target: Sequence[float], slope: float
+) -> Projector:
+    """A projector aimed at a target; `slope` is the tangent of half its field."""
+    distance = float(np.linalg.norm(np.subtract(target, position)))
+    eye = viewer(position, target, 2 * slope * distance)
+    return Projector(name, "perspective", eye.position, eye.axes, eye.window, 1024, 1024)
+
+
+def globe(radius: float, opening: float) -> Mesh:
+    """A sphere about the origin with an opening of `opening` rad around its south pole, and a UV map
+    by angles; its front is outside.
+    """
+    polar, around = np.linspace(0, np.pi - opening, 65), np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    a, b = (x.ravel() for x in np.meshgrid(polar, around, indexing="ij"))
+    vertices = radius * np.stack([np.sin(a) * np.sin(b), np.sin(a) * np.cos(b), np.cos(a)], axis=1)
+    uv = np.stack([b / (2 * np.pi), 1 - a / polar[-1]], axis=1)
+    index = np.arange(len(a)).reshape(len(polar), -1)
+    corners = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    one, two, three, four = (corner.ravel() for corner in corners)
+    halves = [np.stack([one, two, three], axis=1), np.stack([one, three, four], axis=1)]
+    triangles = np.concatenate([halves[0][len(around) - 1 :], halves[1]])
+    return Mesh(vertices, triangles, uv=uv[triangles])
+
+
+def cake() -> Rig:
+    """Two projectors on the round side of a cake."""
+    side = strip(arc(0.12, np.radians(89)), (0.0, 0.12))
+    lamps = tuple(
+        projector(f"Projector {name}", [x, -0.8, 0.35], [0.05 * x, -0.1, 0.06], 0.13)
+        for name, x in (("Left", -0.4), ("Right", 0.4))
+    )
+    eye = viewer([0, -0.9, 0.25], [0, -0.12, 0.06], 0.26)
+    place = picture([0, -0.12, 0.06], 0.1)
+    return rig(eye, (), place, screens=(Screen("Cake", side, 2048, 651),), projectors=lamps)
+
+
+def spheree() -> Rig:
+    """A translucent ball, lit by two projectors in its opening."""
+    lamps = tuple(
+        projector(f"Projector {name}", [x, 0.05, -0.2], [2.5 * x, -0.25, 0.05], 0.6)
+        for name, x in (("Left", -0.05), ("Right", 0.05))
+    )
+    surface = Screen("Ball", globe(0.25, np.radians(30)), 2048, 1024)
+    place = picture([0, -0.25, 0.02], 0.2)
+    eye = viewer([0, -1.5, 0.2], [0, -0.25, 0.02], 0.45)
+    return rig(eye, (), place, screens=(surface,), projectors=lamps)
+
+
 SYSTEMS = {
     "PEPPER": System(
         Message("Pepper's Ghost"),
@@ -393,6 +444,17 @@ SYSTEMS = {
         Message("A lens before the eye shows a plate's mid-air image far away"),
         air_mounted_eyepiece,
         "Otao et al. 2018",
+    ),
+    "CAKE": System(
+        Message("Projection on an Object"),
+        Message("Two projectors on the round side of a cake"),
+        cake,
+    ),
+    "SPHEREE": System(
+        Message("Lit Ball"),
+        Message("A translucent ball with two projectors inside"),
+        spheree,
+        "Teubl et al. 2014",
     ),
     "P_CUBEE": System(
         Message("Display Box"),

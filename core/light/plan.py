@@ -256,6 +256,11 @@ class Plan:
         return tuple(one for one in self.parts.elements if isinstance(one, ArrayFrame))
 
     @property
+    def scatters(self) -> bool:
+        """Whether simulated light scatters at a retroreflector, which the kernel leaves out."""
+        return any(one.spread or one.pitch for one in self.rig.retroreflectors)
+
+    @property
     def has_glass(self) -> bool:
         """Whether the rig has glass, which light can miss."""
         return bool(self.rig.glasses)

@@ -18,6 +18,7 @@ WAVELENGTH = 587.6e-9  # m, the helium d line, the reference for indices of refr
 MOST_BLACK_LEVEL = 0.99  # of the interface
 
 
+MOST_SPREAD = np.radians(10.0)  # of the interface
 SHARE_ROUNDING = 1e-6  # Blender stores float32
 
 # the path of the picture, if both paths of split light reach the display
@@ -172,12 +173,26 @@ class HalfMirror(Part):
 
 @dataclass(frozen=True, eq=False)
 class Retroreflector(Part):
-    """A surface that returns light along its path, on both sides: ideal, without spread or
-    shift.
+    """A surface that returns light along its path, on both sides, ideally; spread and pitch only
+    count where light is simulated.
+
+    spread : rad, standard deviation of the returned directions
+    pitch : m, side of its corner cubes, each of which turns places by 180 degrees about its middle;
+        0 for none
     """
 
     name: str
     mesh: Mesh
+    spread: float = 0.0
+    pitch: float = 0.0
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError for an impossible spread or pitch."""
+        if not 0 <= self.spread <= MOST_SPREAD:
+            degrees = np.degrees([self.spread, MOST_SPREAD])
+            raise out_of_range(owner, "Spread", float(degrees[0]), 0, float(degrees[1]))
+        if not (np.isfinite(self.pitch) and self.pitch >= 0):
+            raise out_of_range(owner, "Pitch", f"{1e3 * self.pitch:g} mm", 0)
 
 
 @dataclass(frozen=True, eq=False)

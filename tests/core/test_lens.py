@@ -100,8 +100,37 @@ def test_a_retroreflector_returns_light_along_its_path(tracer):
     np.testing.assert_allclose(found.positions, o - d * (0.1 / d[:, 1:2]), atol=1e-12)
 
 
+def test_simulated_corner_cubes_shift_and_spread_light():
+    """A ray leaves at the point opposite about its cube's middle, and the directions have the given
+    standard deviation along both axes; light that is solved for is ideal.
+    """
+    spread, pitch = np.radians(0.5), 1e-3
+    base = behind((), 0.2)
+    back = Retroreflector("retro", rectangle(0.1 * Y, X, Z, 0.2, 0.2), spread, pitch)
+    a_rig = replace(base, retroreflectors=(back,))
+    plan = compile_plan(a_rig, Settings())
+    o, d = a_rig.viewer.rays(np.random.default_rng(0).uniform(16, 48, (20_000, 2)))
+    at = (o + d * (0.3 / d[:, 1:2]))[:, [0, 2]]
+    ideal = trace_all(plan, o, d)
+    np.testing.assert_allclose(ideal.positions[:, [0, 2]], at, atol=1e-12)
+    found = trace_all(plan, o, d, light="folded")
+    cells = found.positions[:, [0, 2]] / pitch
+    np.testing.assert_array_equal(np.floor(cells), np.floor(at / pitch))
+    np.testing.assert_allclose((cells + at / pitch) / 2 % 1, 0.5, atol=1e-9)
+    off = found.directions + d
+    across = np.cross(d, X)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    for axis in (across, np.cross(d, across)):
+        assert (off * axis).sum(axis=1).std() == pytest.approx(spread, rel=0.03)
+    again = trace_all(plan, o[5000:], d[5000:], light="folded")
+    np.testing.assert_array_equal(again.directions, found.directions[5000:])
+
+
 def test_impossible_lenses_are_one_sentence():
-    """Without a focal length, and bent."""
+    """Without a focal length, and bent; a retroreflector that spreads light over the room."""
+    wide = Retroreflector("retro", rectangle(0 * Y, X, Z, 0.1, 0.1), 1.0)
+    with pytest.raises(RigError, match="Spread 57.* from 0 to 10"):
+        replace(behind((), 0.2), retroreflectors=(wide,)).check()
     flat = rectangle(0 * Y, X, Z, 0.1, 0.1)
     with pytest.raises(RigError, match="focal length of 0: set another"):
         behind((Lens("lens", flat, 0.0),), 0.2).check()

@@ -14,6 +14,7 @@ from bpy.props import (
 )
 
 from ...rig.catalogue import PLATES
+from ...rig.parts import MOST_SPREAD
 from ...rig.rig import MOST_CROSSING_ERROR, ROLES
 from ..read.plane import show
 from .light import KirikoDisplay, KirikoPicture
@@ -194,6 +195,26 @@ class KirikoElement(bpy.types.PropertyGroup):
         description="Path of the picture if light arrives by both",
         items=PREFERENCES,
         default="BRIGHTER",
+    )
+    spread: FloatProperty(
+        name="Spread",
+        description="Standard deviation of the returned directions, shown by Simulate",
+        default=0.0,
+        min=0.0,
+        max=MOST_SPREAD,
+        subtype="ANGLE",
+        precision=3,
+        step=1,
+    )
+    pitch: FloatProperty(
+        name="Pitch",
+        description="Side of a corner cube, shown by Simulate, always in millimetres; 0 for none",
+        default=0.0,
+        min=0.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
+        unit="CAMERA",
     )
     focal_length: FloatProperty(
         name="Focal Length",

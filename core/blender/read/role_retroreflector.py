@@ -10,8 +10,10 @@ from .shapes import ShapeCache
 
 
 def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
-    """A retroreflector, which is its mesh."""
-    return FoundPart(Retroreflector(part.name, part.mesh), [], [])
+    """A retroreflector with its spread and its corner cubes."""
+    ours = part.owner.kiriko.element
+    sheet = Retroreflector(part.name, part.mesh, ours.spread, 1e-3 * ours.pitch)
+    return FoundPart(sheet, [], [])
 
 
 def shade(material: bpy.types.Material, look: None, studio: Studio) -> None:
