@@ -334,8 +334,8 @@ def projector(
 
 
 def globe(radius: float, opening: float) -> Mesh:
-    """A sphere about the origin with an opening of `opening` rad around its south pole, and a UV map
-    by angles; its front is outside.
+    """A sphere about the origin, open up to `opening` rad from its south pole, with a UV map by
+    angles; its front is outside.
     """
     polar, around = np.linspace(0, np.pi - opening, 65), np.linspace(0, 2 * np.pi, SEGMENTS + 1)
     a, b = (x.ravel() for x in np.meshgrid(polar, around, indexing="ij"))

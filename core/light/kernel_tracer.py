@@ -408,11 +408,8 @@ class Kernel:
         yield from prepare_steps(plan)
         has_paths = steps is not None
         per_event = PLACE * has_paths + WORD * rays.is_recorded
-        is_scattered = plan.scatters and rays.light != "imaged"
-        if (
-            is_scattered
-            or len(rays.mask) * per_event * (plan.settings.max_events + 1) > MOST_RECORDED
-        ):
+        n_bytes = len(rays.mask) * per_event * (plan.settings.max_events + 1)
+        if n_bytes > MOST_RECORDED or (plan.scatters and rays.light != "imaged"):
             yield from by_events(plan, rays, steps)
             return
 

@@ -129,7 +129,7 @@ def test_simulated_corner_cubes_shift_and_spread_light():
 def test_impossible_lenses_are_one_sentence():
     """Without a focal length, and bent; a retroreflector that spreads light over the room."""
     wide = Retroreflector("retro", rectangle(0 * Y, X, Z, 0.1, 0.1), 1.0)
-    with pytest.raises(RigError, match="Spread 57.* from 0 to 10"):
+    with pytest.raises(RigError, match=r"Spread 57.* from 0 to 10"):
         replace(behind((), 0.2), retroreflectors=(wide,)).check()
     flat = rectangle(0 * Y, X, Z, 0.1, 0.1)
     with pytest.raises(RigError, match="focal length of 0: set another"):
