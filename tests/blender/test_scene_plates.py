@@ -58,9 +58,11 @@ def test_mirrors_go_with_the_object(read, scene, model):
 
 
 def test_only_a_plate_has_a_preset(scene):
-    glass = small_rig()["GLASS"]
-    bpy.context.view_layer.objects.active = glass
-    with pytest.raises(RuntimeError, match="Select a plate"):
+    """In a rig with two, only the selected one."""
+    rig = small_rig()
+    new_object(primitive("grid", size=1.0), "PLATE")
+    bpy.context.view_layer.objects.active = rig["GLASS"]
+    with pytest.raises(RuntimeError, match="Select an object with the role [Pp]late"):
         bpy.ops.kiriko.plate_preset(preset="ASKA3D-488")
 
 
