@@ -191,7 +191,7 @@ def curved_wall() -> Rig:
 
 
 def cylinder_anamorphosis() -> Rig:
-    """A flat display around a mirror cylinder, in which the picture stands upright."""
+    """A flat display around a mirror cylinder, in which the picture appears upright."""
     outline = arc(0.04, np.radians(85))
     mirror = strip(outline, (0.0, 0.12), outline / 0.04)
     table = display(panel(-0.1 * Y - 1e-4 * Z, X, Y, 0.5, 0.5), 2048, 2048)
@@ -210,7 +210,7 @@ def airr() -> Rig:
 
 
 def _over(surface: Glass, depth: float, width: float, extra: tuple[Blocker, ...] = ()) -> Rig:
-    """A plate behind a glossy table or water at z = 0, which stands its image upright on it."""
+    """A plate behind a glossy table or water at z = 0, which reflects the image upright."""
     plate = panel([0, 0.3, 0.08], X, Z, 0.4, 0.36)
     place = picture([0, 0, depth], width)
     under = replace(place, mesh=panel([0, 0, -depth], X, -Z, width, width))
@@ -222,7 +222,7 @@ def _over(surface: Glass, depth: float, width: float, extra: tuple[Blocker, ...]
 
 
 def enchantable() -> Rig:
-    """A mid-air image that stands on a glossy table."""
+    """A mid-air image upright on a glossy table."""
     table = block([-0.2, -0.15, -0.01], [0.2, 0.28, 0.0])
     top = Glass("Table", table, ConstantIndex(1.5), reflects=True, prefers="reflected")
     below = Blocker("Table Top", panel(-0.0099 * Z + 0.065 * Y, X, Y, 0.4, 0.43))
@@ -230,7 +230,7 @@ def enchantable() -> Rig:
 
 
 def scoopirit_above() -> Rig:
-    """A mid-air image that stands on water."""
+    """A mid-air image upright on water."""
     tank = block([-0.2, -0.15, -0.05], [0.2, 0.28, 0.0])
     water = Glass("Water", tank, ConstantIndex(WATER), reflects=True, prefers="reflected")
     below = Blocker("Tank", panel(-0.0499 * Z + 0.065 * Y, X, Y, 0.4, 0.43))
@@ -417,13 +417,13 @@ SYSTEMS = {
     ),
     "ENCHANTABLE": System(
         Message("Glossy Table"),
-        Message("A plate behind a glossy table, which stands the picture upright"),
+        Message("A plate behind a glossy table, which reflects the picture upright"),
         enchantable,
         "Yamamoto et al. 2015",
     ),
     "SCOOPIRIT_ABOVE": System(
         Message("On Water"),
-        Message("A plate behind a tank; the picture stands on the water"),
+        Message("A plate behind a tank; the picture is upright on the water"),
         scoopirit_above,
         "Matsuura, Koizumi 2018",
     ),

@@ -9,6 +9,7 @@ from functools import cache, partial
 import numpy as np
 
 from ..base.arrays import FLOAT32, Bools, Floats, Ints
+from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.messages import Message
 from ..base.steps import Steps, run_steps
@@ -161,6 +162,13 @@ def compile_plan_steps(
     features = _features(parts, layers, media, is_clear, settings)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
     by_display = boxes_touch(boxes, NEAR * merge_distance)[-1, : len(solids)]
+    for solid, is_near in zip(parts.solids, by_display, strict=True):
+        if is_near and solid.glass.reflects:
+            raise RigError(
+                "The glass '{glass}' touches the display, where its reflection has no path: leave a"
+                " gap, or turn off Use Reflection.",
+                glass=solid.glass.name,
+            )
 
     return Plan(
         rig=rig,

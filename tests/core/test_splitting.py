@@ -175,3 +175,13 @@ def test_half_mirrors_face_to_face_are_refused():
     a_rig = panes(1, up=Z)
     away = HalfMirror("b", rectangle(0.1 * Y + X, X, Z, 0.2, 0.2))
     replace(a_rig, half_mirrors=(*a_rig.half_mirrors, away)).check()
+
+
+def test_glass_that_reflects_may_not_touch_the_display():
+    """Its lower face and the display's front would be one place with two paths."""
+    base = ball_rig(2, pixels=64)
+    slab = Glass("slab", box([0.1, 0.1, 0.01], (0, 0, 0.005)), reflects=True)
+    under = replace(base.display, mesh=rectangle(0 * Z, X, Y, 0.1, 0.1))
+    a_rig = replace(base, glasses=(slab,), plates=(), displays=(under,))
+    with pytest.raises(RigError, match="'slab' touches the display"):
+        compile_plan(a_rig, SETTINGS)
