@@ -47,7 +47,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
             o.ior,
             o.priority,
             o.surface,
-            *o.resolution,
+            *(frame_of(thing, scene.render) if thing.type == "CAMERA" else o.resolution),
             file_now(o.image),
             tone_of(o.picture),
             o.display.black_level,

@@ -1,5 +1,6 @@
 """Export: write the source image to a file for the display."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -11,7 +12,9 @@ from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from ..core.blender.data.reports import said_by
 from ..core.blender.data.stored_records import StoredNumbers
 from ..core.blender.properties.rig_settings import EXPORT_FORMATS
+from ..core.blender.result.write_result import sections_in
 from ..core.files import disk, image_io
+from ..core.rig.joined_display import Section
 from . import needed, reporting, watch
 from .choose_rig import EndsWithRig
 from .wrapping import sentence
@@ -42,9 +45,22 @@ def target(path: str, form: str) -> Path:
     return image_io.named_for(full, form, bpy.path.extensions_image)
 
 
-def gamma_of(scene: bpy.types.Scene) -> float | None:
-    """Gamma of the scene's display; None for sRGB."""
+def files_of(path: Path, sections: Sequence[Section]) -> dict[Section, Path]:
+    """The file of each section of an image; with their parts' names if there are several."""
+    if len(sections) < 2:
+        return dict.fromkeys(sections, path)
+    names = (bpy.path.clean_name(section.name) for section in sections)
+    return {
+        section: path.with_name(f"{path.stem}_{name}{path.suffix}")
+        for section, name in zip(sections, names, strict=True)
+    }
+
+
+def gamma_of(scene: bpy.types.Scene, name: str = "") -> float | None:
+    """Gamma of the scene's display, the first or one of a name; None for sRGB."""
     for thing in needed.parts(scene).get("DISPLAY", {}):
+        if name not in {"", thing.name}:
+            continue
         ours = thing.kiriko.display
         return ours.gamma if ours.encoding == "POWER" else None
     return None
@@ -128,14 +144,19 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                 return {"RUNNING_MODAL"}
 
             path = target(self.filepath or ours.export_path, self._form(context))
-            is_taken = disk.is_there(path) and not self.overwrite
+            files = files_of(path, sections_in(ours.result.source)).values()
+            taken = [file for file in files if disk.is_there(file)]
+            is_taken = bool(taken) and not self.overwrite
 
             # the dialogue calls execute only after a yes
             self.overwrite |= is_taken
             self.allow_stale |= is_stale
 
             if is_stale:
-                taken = [Message("'{path}' will be replaced.", path=path)] if is_taken else []
+                taken = [
+                    Message("'{path}' will be replaced.", path=file)
+                    for file in (taken if is_taken else ())
+                ]
                 return ask(
                     self,
                     event,
@@ -149,7 +170,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                     self,
                     event,
                     title=Message("Replace existing files?"),
-                    message=str(path),
+                    message=", ".join(map(str, taken)),
                     confirm_text="Replace",
                 )
 
@@ -200,20 +221,24 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
             path = target(self.filepath or ours.export_path, form)
 
             # the dialogue showed exactly this name in red
-            is_shown = self.is_in_dialogue and str(path) == self.filepath
-            written = image_io.write(
-                path,
-                pixels_from_image(ours.result.source)[..., :3],
-                form,
-                size=tuple(size) if size else None,
-                gamma=gamma_of(context.scene),
-                overwrite=self.overwrite or is_shown,
-            )
+            pixels = pixels_from_image(ours.result.source)[..., :3]
+            files = files_of(path, sections_in(ours.result.source))
+            for section, file in files.items():
+                is_shown = self.is_in_dialogue and str(file) == self.filepath
+                image_io.write(
+                    file,
+                    section.of(pixels),
+                    form,
+                    size=tuple(size) if size else None,
+                    gamma=gamma_of(context.scene, section.name),
+                    overwrite=self.overwrite or is_shown,
+                )
 
             if self.is_in_dialogue and context.scene.is_editable:
-                ours.export_path = str(written)
+                ours.export_path = str(path)
                 ours.export_format = form
 
+            written = "', '".join(map(str, files.values()))
             reporting.report(self, "INFO", Message("Wrote '{written}'.", written=written))
             return {"FINISHED"}
 

@@ -36,6 +36,7 @@ from ..core.lab.warp.map_files import (
     wavelengths_for,
     write_maps,
 )
+from ..core.rig.joined_display import sections_of
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from . import folder, needed, work
@@ -182,6 +183,7 @@ def _about(
         "scene": scene.name,
         "rig": fingerprint(replace(rig, pictures=(place,)), settings.of_optics),
         "display": {"name": display.name, "size": [display.width, display.height]},
+        "sections": [section._asdict() for section in sections_of(rig.lit)],
         "picture": {
             "name": place.name,
             "size": [place.width, place.height],

@@ -6,7 +6,7 @@ machines can share the work. The scene's own result does not change.
 """
 
 import json
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,6 +30,7 @@ from ..core.files.frame_list import frames_of
 from ..core.image.test_card import card
 from ..core.lab.farm.job import LOG, logged
 from ..core.light.mesh_cache import MeshCache as KeptGlass
+from ..core.rig.joined_display import Section
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from . import choose_picture, folder, long_work, look_over, needed, reporting, watch, windows, work
@@ -54,6 +55,14 @@ class Run:
     overwrite: bool = False
     placeholders: bool = False
     log: str = LOG
+
+
+def files_of(path: Path, sections: Sequence[Section]) -> dict[Section, Path]:
+    """Files of a frame: the first section's, and for each other one in a folder with its name."""
+    first, *others = sections
+    return {first: path} | {
+        one: path.parent / bpy.path.clean_name(one.name) / path.name for one in others
+    }
 
 
 @dataclass
@@ -255,14 +264,17 @@ def _one(
         return
 
     try:
-        image_io.write(
-            path,
-            solution.source,
-            run.form,
-            size=None if reading.display_size is None else tuple(reading.display_size),
-            gamma=gamma_of(scene),
-            overwrite=True,  # another process may have written the same file meanwhile
-        )
+        # the frame's own file, whose existence counts, comes last
+        for section, file in reversed(files_of(path, solution.rig.files).items()):
+            with folder.made(file.parent):
+                image_io.write(
+                    file,
+                    section.of(solution.image),
+                    run.form,
+                    size=None if reading.display_size is None else tuple(reading.display_size),
+                    gamma=gamma_of(scene, section.name),
+                    overwrite=True,  # another process may have written the same file meanwhile
+                )
         _log(path.parent / run.log, line, began, **_done(solution, reading), error=None)
     except ImageError as error:
         raise ImageError("Frame {frame}: {error}", frame=frame, error=error.message) from None
@@ -356,26 +368,33 @@ def made(
         raise ImageError(
             "A movie needs frames encoded for the display. Choose PNG or TIFF as their format."
         )
-    display = work.read(context).rig.display
-    size = display.width, display.height
-    movie.check(wish.codec, size)
-    if not wish.overwrite:
-        folder.refuse_existing(wish.file.parent, [wish.file.name], remedy)
+    rig = work.read(context).rig
+    sections, display = rig.files, rig.display.name
+    films = files_of(wish.file, sections)
+    for section, film in films.items():
+        movie.check(wish.codec, (section.width, section.height))
+        if not wish.overwrite:
+            folder.refuse_existing(film.parent, [film.name], remedy)
 
     yield from subprogress(solved(context, run, tally), 0.0, SOLVED)
     if tally.failed or tally.others:
         raise RigError("Frames are missing: {report}", report=tally.sentence(wish.file.parent))
     if tally.stale:
         raise RigError("{reason}", reason=tally.stale_words)
-    files = list(run.files.values())
-    _check_sizes(set(files) - set(tally.files), size)
-
     yield SOLVED
     scene = context.scene
-    with disk.scratch(wish.file.parent) as scratch:
-        first = _test_card(scratch, scene, wish, display.name, size) if wish.card else None
-        with disk.together(wish.file.parent) as new:
-            movie.encode(new / wish.file.name, files, wish.codec, size, scene, first)
+    for section, film in films.items():
+        size = section.width, section.height
+        files = [files_of(path, sections)[section] for path in run.files.values()]
+        _check_sizes(set(files) - set(tally.files), size)
+        with folder.made(film.parent), disk.scratch(film.parent) as scratch:
+            first = (
+                _test_card(scratch, scene, wish, section.name or display, size)
+                if wish.card
+                else None
+            )
+            with disk.together(film.parent) as new:
+                movie.encode(new / film.name, files, wish.codec, size, scene, first)
     # last step: a later Esc would report a finished movie as stopped
 
 

@@ -22,7 +22,7 @@ from ..core.blender.read.scene import Reading
 from ..core.blender.read.shapes import ShapeCache
 from ..core.blender.result.conflict import write_conflict
 from ..core.blender.result.light_path_curves import drawn_count, update_paths
-from ..core.blender.result.on_display import MATERIAL_MARK, is_on_display
+from ..core.blender.result.on_display import MATERIAL_MARK, are_on_displays, displays_of
 from ..core.blender.result.result_images import images_of
 from ..core.blender.result.write_result import (
     leave_coarse,
@@ -251,6 +251,7 @@ class Live:
             reading.rig.light_keys,
             tuple(viewer.weight for viewer in reading.rig.viewers),
             tuple(display.black_level for display in reading.rig.displays),
+            fingerprint(reading.rig.projectors),
             settings,
             fingerprint(reading.rig.picture_place),
             *map(self.shapes.fingerprint_of, reading.rig.picture.images),
@@ -272,10 +273,9 @@ class Live:
     def _is_shown(self, scene: bpy.types.Scene) -> bool:
         """Whether the last complete result from Solve fits the scene as read, and is shown."""
         image = scene.kiriko.result.source
-        display = bpy.data.objects.get(self._reading.display_object)
         return (
             work.is_written(scene, self._reading.solved_for)
-            and (display is None or is_on_display(display, image))
+            and are_on_displays(self._reading, image)
             and not compared.is_shown(scene)
         )
 
@@ -415,8 +415,8 @@ class Live:
             n += 1
 
     def _note_ours(self, scene: bpy.types.Scene) -> None:
-        display = bpy.data.objects.get(self._reading.display_object)
-        materials = [] if display is None else [slot.material for slot in display.material_slots]
+        displays = displays_of(self._reading)
+        materials = [slot.material for display, _ in displays for slot in display.material_slots]
         self.ours = {
             *map(uid, images_of(scene.kiriko.result)),
             *(uid(m) for m in materials if m is not None and m.get(MATERIAL_MARK)),

@@ -204,6 +204,8 @@ def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
     """Missing parts of a rig whose parts were found."""
     ours = scene.kiriko
     there = {role for role, things in found.items() if not all(things.values())}
+    if "SCREEN" in there:
+        there.add("DISPLAY")
     # with several viewers, reading reports the missing one
     if len(ours.viewers) or _is_there(viewer_of(scene), scene):
         there.add("VIEWER")

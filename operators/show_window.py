@@ -14,6 +14,8 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message
 from ..core.blender.data.rigs import rigs
 from ..core.blender.result.result_images import images_of
+from ..core.blender.result.write_result import sections_in
+from ..core.rig.joined_display import Section
 from . import needed, reporting, windows, work
 from .windows import all_windows
 
@@ -24,7 +26,7 @@ SAVED_AS = "IMAGE_EDITOR"
 # Settings of a text editor that show something besides its text.
 PARTS = ("show_region_header", "show_region_footer", "show_region_ui", "show_line_numbers")
 
-_screens: set[int] = set()  # session uids of the screens of our windows
+_screens: dict[int, str] = {}  # the part shown by session uids of the screens of our windows
 _seen: list[object] = []  # the result as of the last check
 _keys: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
@@ -46,6 +48,13 @@ def shown_result(scene: bpy.types.Scene) -> bpy.types.PropertyGroup:
     return (scene if chosen is None else chosen).kiriko.result
 
 
+def shown_section(window: bpy.types.Window, image: bpy.types.Image) -> Section:
+    """The section of a result's image in a show window: of its display, or the first."""
+    sections = sections_in(image)
+    name = _screens.get(window.screen.session_uid, "")
+    return next((one for one in sections if one.name == name), sections[0])
+
+
 def size_of(window: bpy.types.Window) -> tuple[int, int]:
     """Screen pixels available to a show window's image."""
     region = next(region for region in _editor(window).regions if region.type == "WINDOW")
@@ -62,8 +71,8 @@ def _editor(window: bpy.types.Window) -> bpy.types.Area:
     return max(window.screen.areas, key=lambda area: area.width * area.height)
 
 
-def _open(context: bpy.types.Context) -> None:
-    """A new window with nothing but the main region of an editor."""
+def _open(context: bpy.types.Context, part: str) -> None:
+    """A new window with nothing but the main region of an editor, for the image of a part."""
     before = {window.as_pointer() for window in all_windows()}
     bpy.ops.wm.window_new()
     window = next(one for one in all_windows() if one.as_pointer() not in before)
@@ -74,7 +83,7 @@ def _open(context: bpy.types.Context) -> None:
         close(window)
         raise
 
-    _screens.add(window.screen.session_uid)
+    _screens[window.screen.session_uid] = part
     _seen.clear()
     if not bpy.app.timers.is_registered(tick):
         bpy.app.timers.register(tick, first_interval=TICK, persistent=True)
@@ -91,7 +100,7 @@ def _become_editor(window: bpy.types.Window) -> None:
 
 def close(window: bpy.types.Window) -> None:
     """Close a show window."""
-    _screens.discard(window.screen.session_uid)
+    _screens.pop(window.screen.session_uid, None)
     with bpy.context.temp_override(window=window):
         bpy.ops.wm.window_close()
 
@@ -194,6 +203,8 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
     bl_label = "Show Window"
     bl_options = {"REGISTER"}
 
+    part: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         reasons = []
@@ -209,14 +220,17 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
         with reporting.errors_reported(self):
             image = shown_result(context.scene).source
             for window in show_windows():
-                if size_of(window) == tuple(image.size):
+                shown = shown_section(window, image)
+                if self.part not in {"", shown.name}:
+                    continue
+                if size_of(window) == (shown.width, shown.height):
                     reporting.report(
                         self, "INFO", Message("The show window is already open on its display.")
                     )
                     return {"FINISHED"}
                 close(window)  # Blender raises only new windows
 
-            _open(context)
+            _open(context, self.part)
             return {"FINISHED"}
         return {"CANCELLED"}
 

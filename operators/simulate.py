@@ -15,6 +15,7 @@ from ..core.blender.data.stored_records import Sentences
 from ..core.blender.result.write_result import replace_image
 from ..core.image.simulation import OTHER_PATH, Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath
+from ..core.rig.joined_display import sections_of, size_of
 from ..core.rig.rig import Rig
 from . import long_work, needed, watch, work
 from .windows import show_image
@@ -52,7 +53,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         is_changed = watch.has_changed(context)
         rig.check()
 
-        if tuple(source.size) != (rig.display.width, rig.display.height):
+        if tuple(source.size) != size_of(sections_of(rig.outputs)):
             raise RigError(
                 "The source image has {width} x {height} pixels, but '{display}' has"
                 " {display_width} x {display_height}: solve again.",
@@ -63,7 +64,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
                 display_height=rig.display.height,
             )
 
-        shown = pixels_from_image(source)
+        shown = pixels_from_image(source)[: rig.display.height, : rig.display.width]
         yield 0.0
         plan = work.session().plan(rig, work.settings_of(scene))
         found = yield from simulate(plan, shown, self.samples)

@@ -4,8 +4,10 @@ import bpy
 
 from ..core.base.messages import Message
 from ..core.blender.data.rigs import rigs
+from ..core.blender.result.write_result import sections_in
 from ..operators import choose_picture, show_window
 from ..operators.export import unwritable
+from ..operators.reporting import in_words
 from ..operators.wrapping import sentence
 from .panel_text import Closed, OfRig, with_labels
 
@@ -39,15 +41,20 @@ class VIEW3D_PT_kiriko_more_exports(Closed, bpy.types.Panel):
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
         if len(rigs(context.scene)) > 1:
             layout.prop(context.window_manager.kiriko, "show_rig")
-        layout.operator("kiriko.show_window", icon="WINDOW")
-
         image = show_window.shown_result(context.scene).source
+        for section in sections_in(image) if image is not None else ():
+            label = Message("Show Window: {part}", part=section.name)
+            text = {"text": in_words(label), "translate": False} if section.name else {}
+            layout.operator("kiriko.show_window", icon="WINDOW", **text).part = section.name
+        if image is None:
+            layout.operator("kiriko.show_window", icon="WINDOW")
         for window in show_window.show_windows():
             size = show_window.size_of(window)
             if image is not None:
-                is_whole = size == tuple(image.size)
-                icon = "CHECKMARK" if is_whole else "ERROR"
-                sentence(layout, context, words_on(size, tuple(image.size), _keys(context)), icon)
+                shown = show_window.shown_section(window, image)
+                wanted = shown.width, shown.height
+                icon = "CHECKMARK" if size == wanted else "ERROR"
+                sentence(layout, context, words_on(size, wanted, _keys(context)), icon)
 
 
 class VIEW3D_PT_kiriko_animation(Closed, bpy.types.Panel):

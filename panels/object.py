@@ -86,13 +86,12 @@ def draw_object(
         draw_resolution(layout, context, thing)
 
     why = bodiless(thing)
-    if why and ours.role == "NONE":
-        if thing.type != "CAMERA":
-            sentence(layout, context, as_sentence(why), icon="INFO")
+    if why and ours.role == "NONE" and thing.type != "CAMERA":
+        sentence(layout, context, as_sentence(why), icon="INFO")
         return
 
     layout.prop(ours, "role")
-    if why:
+    if why and ours.role != "NONE":
         sentence(layout, context, no_part(thing), icon="ERROR")
         return
 
@@ -119,6 +118,8 @@ def _draw_role(
         layout.prop(ours, "resolution")
         layout.operator("kiriko.fit_display", icon="FULLSCREEN_ENTER")
         _draw_light_of(layout, ours.display)
+    elif ours.role == "SCREEN":
+        layout.prop(ours, "resolution")
     elif ours.role == "PICTURE":
         _draw_picture(layout, thing)
 

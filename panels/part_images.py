@@ -17,7 +17,7 @@ from .overlay.view_handlers import TINTED_SHADER, ViewHandlers
 # blend modes by an image's alpha mode; the alpha of other modes is not coverage
 BLENDING = {"STRAIGHT": "ALPHA", "PREMUL": "ALPHA_PREMULT"}
 SHARE = 20.0  # a scene is searched again after this many times the duration of the last search
-ROLES = {"PICTURE", "DISPLAY"}
+ROLES = {"PICTURE", "DISPLAY", "SCREEN"}
 # Passes of an image: depth test and opacity. A picture is inside its glass, so it is drawn in front
 # of everything. A display is behind glass or plate, and in front it would hide them.
 IN_FRONT = (("NONE", 1.0),)
@@ -69,7 +69,7 @@ def is_drawn(context: bpy.types.Context, role: str) -> bool:
     It is not if the display's material or the light itself shows it.
     """
     space, view = context.space_data, context.region_data
-    if role == "DISPLAY":
+    if role != "PICTURE":
         return space.shading.type == "SOLID" and space.shading.color_type != "TEXTURE"
 
     camera = camera_of(space, context.scene)

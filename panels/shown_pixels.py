@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.blender.data.image import pixels_from_image
 from ..core.files.encoding import quantised
+from ..core.rig.joined_display import Section
 from ..operators import show_window
 from ..operators.export import gamma_of
 
@@ -48,7 +49,8 @@ def draw() -> None:
     scene = context.window.scene
     image = show_window.shown_result(scene).source
     if image is not None and min(image.size) > 0:
-        _draw(image, gamma_of(scene), size)
+        section = show_window.shown_section(context.window, image)
+        _draw(image, section, gamma_of(scene, section.name), size)
     # Blender draws the marks of hidden headers last, into this region's own buffer
     gpu.state.scissor_set(0, 0, 0, 0)
 
@@ -65,14 +67,17 @@ def corner_of(size: tuple[int, int], region: tuple[int, int]) -> tuple[int, int]
     return (region[0] - size[0]) // 2, (region[1] - size[1]) // 2
 
 
-def _draw(image: bpy.types.Image, gamma: float | None, region: tuple[int, int]) -> None:
-    size = tuple(image.size)
+def _draw(
+    image: bpy.types.Image, section: Section, gamma: float | None, region: tuple[int, int]
+) -> None:
+    size = section.width, section.height
+    low = image.size[1] - section.top - section.height
     x, y = corner_of(size, region)
     # in units of the region, -1 to 1: Blender's matrices are off by fractions of a pixel
     left, right = (2 * place / region[0] - 1 for place in (x, x + size[0]))
     below, above = (2 * place / region[1] - 1 for place in (y, y + size[1]))
     corners = [(left, below), (right, below), (right, above), (left, above)]
-    places = [(0, 0), (size[0], 0), size, (0, size[1])]
+    places = [(0, low), (size[0], low), (size[0], low + size[1]), (0, low + size[1])]
 
     shader = _shader()
     batch = batch_for_shader(

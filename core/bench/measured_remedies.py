@@ -74,7 +74,7 @@ def nearer(rig: Rig, way: float) -> Rig:
     """The rig with its picture moved by a distance, m, towards the first viewer."""
     shifts = shifts_by(rig, way)
     return replace(
-        rig,
+        rig.joined,
         pictures=(_moved(rig.pictures[0], shifts.picture),),
         displays=(_moved(rig.display, shifts.display),),
     )

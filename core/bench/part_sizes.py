@@ -18,7 +18,7 @@ from ..base.steps import subprogress
 from ..image.flat_picture import mesh_mapping, not_flat
 from ..light.display import affine_fit
 from ..light.plan import Plan
-from ..rig.rig import ROLES, Display, PicturePlace, Plate, Rig, owner
+from ..rig.rig import ROLES, PicturePlace, Plate, Rig, owner
 from .largest_square import Bundle, best_place, grid_over, largest_about
 from .picture_light import (
     MOST,
@@ -82,8 +82,11 @@ class Fitted:
         return self.width - self.width / self.size
 
 
-def display_outline(display: Display) -> Outline:
-    """Outline of a flat display, along the rows of its image."""
+def display_outline(rig: Rig) -> Outline:
+    """Outline of a rig's flat display, along the rows of its image; RigError if it has others."""
+    display = rig.display
+    if rig.displays != (display,):
+        raise RigError("The rig has several displays, or screens: set their sizes by hand.")
     mesh = display.mesh
     fit, _ = affine_fit(mesh.uv.reshape(-1, 2), mesh.corners.reshape(-1, 3))
     return outline_of(mesh, fit[0], owner(ROLE["DISPLAY"], display))
@@ -106,7 +109,7 @@ def fit_display(
     RigError : the display is not flat, or no light of the picture reaches its plane
     """
     wanted = wanted or Wanted()
-    outline = display_outline(rig.display)
+    outline = display_outline(rig)
     sizing = _Sizing(rig, plan_of, wanted, "displays", 0, outline)
     most = max(1.0, wanted.most or _most_display(rig, outline))
     large = sizing.rig_with(most)
@@ -141,7 +144,7 @@ def fit_plate(
     large = sizing.rig_with(most)
 
     # A display that is too small must not limit the plate.
-    screen = display_outline(rig.display)
+    screen = display_outline(rig)
     sizes = max(1.0, _most_display(rig, screen))
     large = _Sizing(large, plan_of, wanted, "displays", 0, screen).rig_with(sizes)
     there = yield from subprogress(traced_by_all(large, plan_of, wanted.n_grid, outline), 0.0, 0.4)

@@ -3,10 +3,10 @@
 A single map then serves all displays, and a point of the picture is lost only if none shows it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, combinations
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +33,16 @@ class Section(NamedTuple):
         """The part's image (height, width, ...), from stacked images (H, W, ...)."""
         return image[self.top : self.top + self.height, : self.width]
 
+    def window(self, size: tuple[int, int]) -> tuple[float, float, float]:
+        """Its place in the UV square of images of a size (width, height), px, which begins at u =
+        0: width, height, and the lower edge.
+        """
+        width, height = size
+        return self.width / width, self.height / height, 1 - (self.top + self.height) / height
 
-class Sized(Protocol):
-    """A part with an image: a display, a screen or a projector."""
 
-    name: str
-    width: int
-    height: int
-
-
-def sections_of(parts: Sequence[Sized]) -> tuple[Section, ...]:
-    """Sections of the parts' images, one below the other."""
+def sections_of(parts: Sequence[Any]) -> tuple[Section, ...]:
+    """Sections of the images of displays, screens or projectors, one below the other."""
     tops = accumulate((part.height + GAP_PX for part in parts), initial=0)
     return tuple(
         Section(part.name, top, part.width, part.height)
@@ -58,10 +57,10 @@ def size_of(sections: Sequence[Section]) -> tuple[int, int]:
 
 
 def stack(sections: Sequence[Section], images: Sequence[NDArray[np.float32]]) -> NDArray:
-    """Images (h, w, 3) of the sections in one image (H, W, 3), black between them."""
+    """Images (h, w, 3) of the sections, or the first of them, in one image (H, W, 3) on black."""
     width, height = size_of(sections)
     stacked = np.zeros((height, width, 3), np.float32)
-    for section, image in zip(sections, images, strict=True):
+    for section, image in zip(sections, images, strict=False):
         section.of(stacked)[:] = image
     return stacked
 
@@ -140,27 +139,24 @@ def _overlap(one: Mesh, other: Mesh) -> bool:
     bounds = np.stack([one.bounds, other.bounds])
     near = OVERLAP * float(np.ptp(bounds, axis=1).max()) + 4 * FLOAT32 * float(np.abs(bounds).max())
     theirs = _within(other.corners, one.bounds, near)
-    for corners in _within(one.corners, other.bounds, near):
-        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        normal /= max(float(np.linalg.norm(normal)), 1e-300)
-        is_coplanar = (np.abs((theirs - corners[0]) @ normal) <= near).all(axis=1)
-        for triangle in theirs[is_coplanar]:
-            if all(covered > near for covered in _depths(corners, triangle, normal)):
+    for a in _within(one.corners, other.bounds, near):
+        normal = _unit(np.cross(a[1] - a[0], a[2] - a[0]))
+        for b in theirs[(np.abs((theirs - a[0]) @ normal) <= near).all(axis=1)]:
+            # coplanar triangles are apart if an edge of either separates them
+            edges = np.concatenate([np.roll(corners, -1, axis=0) - corners for corners in (a, b)])
+            p, q = (corners @ _unit(np.cross(normal, edges)).T for corners in (a, b))
+            depth = np.minimum(p.max(axis=0) - q.min(axis=0), q.max(axis=0) - p.min(axis=0))
+            if (depth > near).all():
                 return True
     return False
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Vectors of length 1; those without a length stay."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
 
 
 def _within(corners: Floats, box: Floats, near: float) -> Floats:
     """Triangles (t, 3, 3) that may meet a box (2, 3)."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     return corners[((high >= box[0] - near) & (low <= box[1] + near)).all(axis=1)]
-
-
-def _depths(one: Floats, other: Floats, normal: Floats) -> Iterator[float]:
-    """Overlap, m, of two triangles (3, 3) in a plane, across each of their edges."""
-    for corners in (one, other):
-        for edge in np.roll(corners, -1, axis=0) - corners:
-            across = np.cross(normal, edge)
-            across /= max(float(np.linalg.norm(across)), 1e-300)
-            a, b = one @ across, other @ across
-            yield min(a.max() - b.min(), b.max() - a.min())

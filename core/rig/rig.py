@@ -14,7 +14,7 @@ from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.messages import Message, as_message, quoted
 from .catalogue import PLATES
-from .joined_display import check_displays, join
+from .joined_display import Section, check_displays, join, sections_of
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
 from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
@@ -132,12 +132,12 @@ class Rig:
         "BLOCKER", Message("Blocker"), kind=3, number=6, icon="CANCEL", tip="Stops light",
     ), ())
     screens: tuple[Screen, ...] = _parts_of(Role(
-        "SCREEN", Message("Screen"), icon="MOD_UVPROJECT",
+        "SCREEN", Message("Screen"), number=10, icon="MOD_UVPROJECT",
         tip="Scatters the light of projectors, on both sides; needs a UV map",
         is_mapped=True,
     ), ())
     projectors: tuple[Projector, ...] = _parts_of(Role(
-        "PROJECTOR", Message("Projector"), icon="LIGHT_SPOT",
+        "PROJECTOR", Message("Projector"), number=11, icon="LIGHT_SPOT",
         tip="A camera whose image is projected on the screens",
     ), ())
     half_mirrors: tuple[HalfMirror, ...] = _parts_of(Role(
@@ -169,6 +169,22 @@ class Rig:
     def lit(self) -> tuple[Display, ...]:
         """All displays, then all screens: light of the viewers ends on them."""
         return (*self.displays, *self.screens)
+
+    @property
+    def outputs(self) -> tuple[Display | Projector, ...]:
+        """All parts with an image in a solution: displays, screens and projectors."""
+        return (*self.lit, *self.projectors)
+
+    @property
+    def files(self) -> tuple[Section, ...]:
+        """The sections of a solution's image that become files: all except those of screens.
+
+        A single one has no name.
+        """
+        if len(self.outputs) == 1:
+            return sections_of([replace(self.display, name="")])
+        sections = zip(sections_of(self.outputs), self.outputs, strict=True)
+        return tuple(section for section, part in sections if not isinstance(part, Screen))
 
     @cached_property
     def joined(self) -> "Rig":

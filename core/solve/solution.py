@@ -11,7 +11,7 @@ from ..base.arrays import Floats
 from ..base.messages import Message
 from ..base.numbers import millimetres
 from ..base.steps import Steps
-from ..rig.joined_display import Section, sections_of
+from ..rig.joined_display import Section, sections_of, stack
 from ..rig.rig import ConstantIndex, Rig
 from ..rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE
 from .channel import Channel
@@ -79,6 +79,11 @@ class Solution:
         return sections_of(self.rig.lit)
 
     @property
+    def image(self) -> NDArray[np.float32]:
+        """The source image, with the images of projectors below it: sections of all outputs."""
+        return with_projected(self.rig, self.source, self.projected)
+
+    @property
     def first(self) -> Channel:
         """The channel of the rig's first viewer."""
         return self.channels[0]
@@ -141,6 +146,16 @@ class Solution:
     def trace_stray_light(self) -> Generator[float, None, None]:
         """Trace light past the glass for the first viewer; yields progress 0..1."""
         yield from self.first.trace_stray_light()
+
+
+def with_projected(
+    rig: Rig, source: NDArray[np.float32], projected: Sequence[NDArray[np.float32]] = ()
+) -> NDArray[np.float32]:
+    """A source image (H, W, 3) with the images of a rig's projectors below it; black without."""
+    if not rig.projectors:
+        return source
+    images = [section.of(source) for section in sections_of(rig.lit)]
+    return stack(sections_of(rig.outputs), [*images, *projected])
 
 
 def without_glass(rig: Rig) -> Rig:

@@ -23,10 +23,14 @@ from ...core.files.frame_list import frames_of
 from ...core.image.simulation import simulate
 from ...core.lab.farm.job import LOG, log_of
 from ...core.rig.catalogue import DISPLAYS, GLASSES, PLATES
+from ...core.rig.joined_display import Section
 from .. import folder, frames, look_over, needed, viewer_reports, work
-from ..export import gamma_of
+from ..export import files_of, gamma_of
 
 Result = TypeVar("Result")
+
+OF_DISPLAYS = {"source", "linear"}  # images with a file for each display and projector
+WHOLE = (Section("", 0, 0, 0),)
 
 SAMPLES = 16  # rays per pixel of the preview
 # products that a part of the file may be replaced by, by role
@@ -70,16 +74,19 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Solve and write the files; yields lines of progress."""
     image_io.openimageio()
     files = file_names(arguments)
-
-    if not arguments.overwrite:
-        folder.refuse_existing(
-            arguments.out, (path.name for path in files.values()), "add --overwrite"
-        )
-
     context = bpy.context
     scene = context.scene
     yield from products_given(context, arguments)
     reading = look_over.read_to_solve(context)
+    files_of_image = {
+        image: files_of(path, reading.rig.files if image in OF_DISPLAYS else WHOLE)
+        for image, path in files.items()
+    }
+
+    if not arguments.overwrite:
+        names = [path.name for paths in files_of_image.values() for path in paths.values()]
+        folder.refuse_existing(arguments.out, names, "add --overwrite")
+
     yield Message("solving '{file}'", file=Path(bpy.data.filepath).name)
     settings = work.settings_of(scene)
     solution = yield from progress_in_tenths(work.session().solve(reading.rig, settings))
@@ -94,13 +101,13 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     size = tuple(reading.display_size) if reading.display_size is not None else None
     jobs: list[tuple[str, np.ndarray, str, tuple[float, float] | None]] = [
-        ("source", solution.source, arguments.format, size),
+        ("source", solution.image, arguments.format, size),
         ("ideal", solution.ideal(), "PNG8", None),
         ("seen", solution.seen(past_glass=True), "PNG8", None),
         ("coverage", solution.display_coverage, "PNG8", size),
     ]
     if "linear" in files:
-        jobs.append(("linear", solution.source, "EXR_FLOAT", size))
+        jobs.append(("linear", solution.image, "EXR_FLOAT", size))
     numbers = _numbers(scene, text)
     of_viewers = viewer_reports.images_of(solution, scene, arguments.viewers, reports.conflict)
     for image, shown in (yield from progress_in_tenths(of_viewers)).items():
@@ -132,14 +139,15 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     with disk.together(arguments.out) as scratch:
         for image, pixels, form, area in jobs:
-            image_io.write(
-                scratch / files[image].name,
-                pixels,
-                form,
-                size=area,
-                title=f"Kiriko {image} image",
-                gamma=gamma_of(scene) if image == "source" else None,
-            )
+            for section, path in files_of_image[image].items():
+                image_io.write(
+                    scratch / path.name,
+                    pixels if section.name == "" else section.of(pixels),
+                    form,
+                    size=area,
+                    title=f"Kiriko {image} image",
+                    gamma=gamma_of(scene, section.name) if image == "source" else None,
+                )
         disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
 
     yield Message("wrote {n} files to '{folder}'", n=len(jobs) + 1, folder=arguments.out)

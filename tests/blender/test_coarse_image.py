@@ -61,7 +61,7 @@ def is_of_coarse(image: np.ndarray) -> bool:
         and result.source.packed_file is not None
         and not result.source.is_dirty
         and np.array_equal(pixels(result.source)[..., :3], image)
-        and part("core.blender.result.write_result").is_on_display(display, result.source)
+        and part("core.blender.result.on_display").is_on_display(display, result.source)
         and not (result.summary or result.details or result.seen_summary or result.coverage)
         and not bpy.ops.kiriko.export.poll()
     )

@@ -413,7 +413,7 @@ def test_what_solve_has_put_elsewhere_is_put_back(live, written):
     settle(live)
     assert written == ["update_solution"]
     image = bpy.context.scene.kiriko.result.source
-    assert live.live_follower.is_on_display(rig["DISPLAY"], image)
+    assert loaded("core.blender.result.on_display").is_on_display(rig["DISPLAY"], image)
 
 
 def test_frames_are_followed(live):

@@ -145,10 +145,9 @@ def test_solve_is_grey_while_the_pictures_file_is_missing(look, scene, tmp_path,
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
-@pytest.mark.parametrize("role", ["DISPLAY", "PICTURE"])
-def test_solve_is_grey_while_a_part_is_doubled(drawn, scene, role):
+def test_solve_is_grey_while_the_picture_is_doubled(drawn, scene):
     """With the sentence of the checklist, until one of both is left out or hidden."""
-    other = small_rig()[role].copy()
+    other = small_rig()["PICTURE"].copy()
     scene.collection.objects.link(other)
     shown = " ".join(drawn("main_panel", "VIEW3D_PT_kiriko_main").texts)
     assert why_grey() in shown
@@ -489,7 +488,7 @@ def test_what_was_simulated_is_told_until_the_next_result(drawn, scene, tmp_path
 def test_a_camera_shows_the_pixels_it_is_solved_with(drawn, scene):
     """Its own, or those of the render, as the viewer and as the active object.
 
-    It is offered no role.
+    Its role may make it a projector.
     """
     small_rig()
     viewer = scene.kiriko.viewer
@@ -499,7 +498,7 @@ def test_a_camera_shows_the_pixels_it_is_solved_with(drawn, scene):
     assert drawn("object", "OBJECT_PT_kiriko", viewer).props.count("resolution") == 1
     viewer.kiriko.use_resolution = False
     shown = drawn("object", "OBJECT_PT_kiriko", viewer)
-    assert shown.props == ["use_resolution"]
+    assert shown.props == ["use_resolution", "role"]
     assert shown.texts.count("Same as the render: 1920 x 1080 px") == 1
 
 

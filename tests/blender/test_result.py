@@ -79,7 +79,7 @@ def test_display_that_shares_its_mesh_leaves_the_other_alone(result):
     mine = bpy.data.materials.new("Mine")
     mesh.materials.append(mine)
     display, other = (bpy.data.objects.new(name, mesh) for name in ("display", "other"))
-    notes = result.put_on_display(
+    notes = loaded("core.blender.result.on_display").put_on_display(
         display, result.replace_image(None, "source", np.zeros((2, 2, 3)))
     )
     assert other.material_slots[0].material == mine

@@ -47,4 +47,6 @@ def test_numbers_stay_as_files_and_the_kernel_have_them():
         7: "HALF_MIRROR",
         8: "RETROREFLECTOR",
         9: "LENS",
+        10: "SCREEN",
+        11: "PROJECTOR",
     }

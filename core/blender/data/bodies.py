@@ -9,6 +9,7 @@ from ...base.errors import RigError
 from ...base.messages import Message, as_message
 
 NO_SURFACE = Message("it has no surface")
+NO_LENS = Message("it isn't a camera")
 NO_PART = "NONE"  # the role of objects that have one, but cannot be parts
 OUTLINES = {"BOUNDS", "WIRE"}  # display types of Boolean tools
 SURFACELESS = {"ARMATURE", "CAMERA", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
@@ -20,6 +21,8 @@ def bodiless(thing: bpy.types.Object) -> str:
         is_instance = thing.instance_type == "COLLECTION" and thing.instance_collection is not None
         return "" if is_instance else NO_SURFACE
 
+    if thing.kiriko.role == "PROJECTOR":
+        return "" if thing.type == "CAMERA" else NO_LENS
     return NO_SURFACE if thing.type in SURFACELESS else ""
 
 

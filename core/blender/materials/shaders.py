@@ -1,7 +1,7 @@
 """Materials with which Cycles obeys the laws of Kiriko's tracer."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
@@ -36,24 +36,68 @@ def _front_only(tree: Any, output: Any, shader: Any) -> None:
         node.location = (220 * column - 440, 0)
 
 
-def show_image(
-    material: bpy.types.Material, image: bpy.types.Image, black_level: float = 0.0
-) -> None:
-    """Make a material emit the texels of an image like the pixels of a screen: square, sharp, on
-    the front only.
+class ImageLook(NamedTuple):
+    """How a display shows its section of an image.
 
     black_level : light of a black texel relative to white
+    width, height, below : window of its UV map in that of the image, from u = 0
+    is_two_sided : also on its back
     """
+
+    black_level: float = 0.0
+    width: float = 1.0
+    height: float = 1.0
+    below: float = 0.0
+    is_two_sided: bool = False
+
+    def uv(self, tree: Any) -> Any:
+        """A socket with the UV of the image. The map is unnamed: the one used in renders, which
+        Kiriko reads.
+        """
+        uv = tree.nodes.new("ShaderNodeUVMap")
+        uv.location = (-740, -220)
+        if (self.width, self.height) == (1, 1):
+            return uv.outputs["UV"]
+        window = tree.nodes.new("ShaderNodeVectorMath")
+        window.operation = "MULTIPLY_ADD"
+        tree.links.new(uv.outputs["UV"], window.inputs[0])
+        window.inputs[1].default_value = self.width, self.height, 1.0
+        window.inputs[2].default_value = 0.0, self.below, 0.0
+        window.location = (-640, -420)
+        return window.outputs["Vector"]
+
+    def put(self, tree: Any, output: Any, shader: Any) -> None:
+        """Show a shader on the sides that shine."""
+        if self.is_two_sided:
+            tree.links.new(shader.outputs[0], output.inputs["Surface"])
+        else:
+            _front_only(tree, output, shader)
+
+
+WHOLE = ImageLook()
+
+
+def show(material: bpy.types.Material, image: bpy.types.Image | None, look: ImageLook) -> None:
+    """Show an image, or the image's coordinates without one."""
+    if image is None:
+        show_coordinates(material, look)
+    else:
+        show_image(material, image, look)
+
+
+def show_image(
+    material: bpy.types.Material, image: bpy.types.Image, look: ImageLook = WHOLE
+) -> None:
+    """Make a material emit the texels of an image like the pixels of a screen: square and sharp."""
     tree, output = cleared(material)
+    black_level = look.black_level
     emission = tree.nodes.new("ShaderNodeEmission")
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image = image
     texture.interpolation = "Closest"
     texture.extension = "CLIP"
 
-    # unnamed: the map used in renders, which Kiriko reads
-    uv = tree.nodes.new("ShaderNodeUVMap")
-    tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    tree.links.new(look.uv(tree), texture.inputs["Vector"])
     colour = texture.outputs["Color"]
     if black_level:
         raised = tree.nodes.new("ShaderNodeVectorMath")
@@ -65,9 +109,8 @@ def show_image(
         colour = raised.outputs["Vector"]
 
     tree.links.new(colour, emission.inputs["Color"])
-    _front_only(tree, output, emission)
+    look.put(tree, output, emission)
     texture.location = (-520, -220)
-    uv.location = (-740, -220)
     material.cycles.emission_sampling = "NONE"  # only mirror paths carry light to the viewer
 
 
@@ -95,7 +138,7 @@ def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
     tree.nodes.active = texture  # solid view shows it as the object's texture
 
 
-def show_coordinates(material: bpy.types.Material) -> None:
+def show_coordinates(material: bpy.types.Material, look: ImageLook = WHOLE) -> None:
     """Make a material emit (u, v, 1), so a render gives the landing of each viewer pixel on the
     display.
     """
@@ -103,15 +146,12 @@ def show_coordinates(material: bpy.types.Material) -> None:
     emission = tree.nodes.new("ShaderNodeEmission")
     combine = tree.nodes.new("ShaderNodeCombineXYZ")
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
-
-    # unnamed: the map used in renders, which Kiriko reads
-    uv = tree.nodes.new("ShaderNodeUVMap")
     combine.inputs["Z"].default_value = 1.0
-    tree.links.new(uv.outputs["UV"], split.inputs[0])
+    tree.links.new(look.uv(tree), split.inputs[0])
     tree.links.new(split.outputs["X"], combine.inputs["X"])
     tree.links.new(split.outputs["Y"], combine.inputs["Y"])
     tree.links.new(combine.outputs[0], emission.inputs["Color"])
-    _front_only(tree, output, emission)
+    look.put(tree, output, emission)
     material.cycles.emission_sampling = "NONE"
 
 

@@ -47,7 +47,7 @@ def no_looks(rig: Rig) -> tuple[None, list[str]]:
 class InBlender(NamedTuple):
     """Blender's side of a role.
 
-    read : the part of the rig of an object, with cached meshes and pixels
+    read : the part of the rig of an object, with cached meshes and pixels; None for a camera
     shade : gives a material a part's look in Cycles; arguments are the material, the part's own
         look, and the studio. None if the role is not in previews
     looks : from a rig, its previewed parts by name, each with the values of its own look, and
@@ -55,7 +55,7 @@ class InBlender(NamedTuple):
     is_inside_out : whether a part with such a look is drawn inside out
     """
 
-    read: Callable[[WorldPart, ShapeCache], FoundPart]
+    read: Callable[[WorldPart, ShapeCache], FoundPart] | None
     shade: Callable[[bpy.types.Material, Any, Studio], None] | None
     looks: Callable[[Rig], tuple[dict[str, Any] | None, list[str]]] = no_looks
     is_inside_out: Callable[[Any], bool] = lambda look: False

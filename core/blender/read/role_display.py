@@ -2,6 +2,7 @@
 
 import bpy
 
+from ...rig.joined_display import sections_of, size_of
 from ...rig.rig import Display, Rig
 from ..materials import shaders
 from .part_roles import FoundPart, InBlender, Studio
@@ -16,17 +17,19 @@ def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     return FoundPart(Display(part.name, part.mesh, width, height, ours.display.black_level), [], [])
 
 
-def looks(rig: Rig) -> tuple[dict[str, float], list[str]]:
-    """The black levels of all displays."""
-    return {display.name: display.black_level for display in rig.displays}, []
+def looks(rig: Rig) -> tuple[dict[str, shaders.ImageLook], list[str]]:
+    """The looks of all displays and screens."""
+    sections = sections_of(rig.outputs)
+    size = size_of(sections) if sections else (1, 1)
+    return {
+        part.name: shaders.ImageLook(part.black_level, *section.window(size))
+        for part, section in zip(rig.lit, sections, strict=False)
+    }, []
 
 
-def shade(material: bpy.types.Material, look: float, studio: Studio) -> None:
-    """Show the source image over the black level, or the display's own coordinates."""
-    if studio.source is None:
-        shaders.show_coordinates(material)
-    else:
-        shaders.show_image(material, studio.source, look)
+def shade(material: bpy.types.Material, look: shaders.ImageLook, studio: Studio) -> None:
+    """Show the source image over the black level, or its coordinates."""
+    shaders.show(material, studio.source, look)
 
 
 IN_BLENDER = InBlender(read, shade, looks)

@@ -17,7 +17,7 @@ from ...base.errors import KirikoError, RigError
 from ...base.messages import Message
 from ...bench.offset import with_offset
 from ...rig.parts import OwnImage
-from ...rig.rig import ROLES, Picture, PicturePlace, Rig, Viewer
+from ...rig.rig import ROLES, Picture, PicturePlace, Projector, Rig, Viewer
 from ..data.camera_viewer import Seat, is_deleted, no_camera, read_viewer, seats_of, shown_first
 from ..data.lost_data import find_lost, refuse_lost
 from ..data.moving import ended, number_at
@@ -190,8 +190,8 @@ class Reading:
     rig : with a calibration's offset, if there is one
     drawn : as the scene shows it, without the offset
     display_size : width and height in m of a flat display, over the whole UV square
-    display_object : name of the display's object, or of the object that instances it, and its
-        library file, as keys of `bpy.data.objects`
+    display_objects : for each display and screen the name of its object, or of the object that
+        instances it, and its library file, as keys of `bpy.data.objects`
     solved_for : the scene's fingerprint, as text, if it was read to be solved
     """
 
@@ -200,7 +200,7 @@ class Reading:
     materials: tuple[MaterialReading, ...]
     notes: tuple[str, ...]
     display_size: tuple[float, float] | None
-    display_object: tuple[str, str | None]
+    display_objects: tuple[tuple[str, str | None], ...]
     solved_for: str = ""
 
 
@@ -274,6 +274,11 @@ def read_drawn(
             notes += remarks
             continue
 
+        if role.name == "PROJECTOR":
+            cameras = (part.owner for part in by_role[role.name])
+            found[role.field] = [read_projector(camera, depsgraph, scene) for camera in cameras]
+            continue
+
         for part in by_role[role.name]:
             as_read = in_blender(role.name).read(part, cache)
             found[role.field].append(as_read.part)
@@ -293,7 +298,9 @@ def read_drawn(
         materials=tuple(dict.fromkeys(materials)),
         notes=tuple(dict.fromkeys(notes)),
         display_size=flat_size(displays[0].mesh) if len(displays) == 1 else None,
-        display_object=next((_place_in_file(part.owner) for part in displays), ("", None)),
+        display_objects=tuple(
+            _place_in_file(part.owner) for part in (*displays, *by_role["SCREEN"])
+        ),
     )
 
 
@@ -330,6 +337,14 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
 
     viewer = read_viewer(camera, depsgraph, scene.render, length_of_unit(scene))
     return viewer if seat.weight == 1 else replace(viewer, weight=seat.weight)
+
+
+def read_projector(
+    camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
+) -> Projector:
+    """The projector of a camera object."""
+    viewer = read_viewer(camera, depsgraph, scene.render, length_of_unit(scene))
+    return Projector(**vars(viewer))
 
 
 def _read_image(

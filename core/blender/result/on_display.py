@@ -1,24 +1,60 @@
-"""Shows a source image on the display, by a material of Kiriko's own."""
+"""Shows a source image on displays and screens, by materials of Kiriko's own."""
+
+from collections.abc import Iterator
 
 import bpy
 
 from ...base.messages import Message
+from ...rig.joined_display import sections_of, size_of
 from ..data.image import PACKED_MARK
 from ..data.rigs import keep
 from ..materials import shaders
+from ..materials.shaders import ImageLook
+from ..read.scene import Reading
 
 MATERIAL_MARK = "kiriko_display"  # on materials made by Kiriko, which it may change
-BLACK_LEVEL = "kiriko_black_level"  # on such a material: the black level of its display
+LOOK = "kiriko_look"  # on such a material: how its display shows the image
 
 
-def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
-    """Whether Kiriko's materials on all slots show an image at the display's black level."""
-    black_level = display.kiriko.display.black_level
+def displays_of(reading: Reading) -> Iterator[tuple[bpy.types.Object, ImageLook]]:
+    """The objects of all displays and screens, with their looks."""
+    sections = sections_of(reading.rig.outputs)
+    for key, section in zip(reading.display_objects, sections, strict=False):
+        thing = bpy.data.objects.get(key)
+        if thing is not None:
+            yield thing, look_of(thing, section.window(size_of(sections)))
+
+
+def look_of(
+    display: bpy.types.Object, window: tuple[float, float, float] = (1.0, 1.0, 0.0)
+) -> ImageLook:
+    """How a display or a screen shows a window of an image."""
+    ours = display.kiriko
+    is_screen = ours.role == "SCREEN"
+    return ImageLook(0.0 if is_screen else ours.display.black_level, *window, is_screen)
+
+
+def window_of(display: bpy.types.Object) -> tuple[float, float, float]:
+    """The window of the image that a display shows: width, height and lower edge in UV."""
+    shown = (slot.material.get(LOOK) for slot in display.material_slots if slot.material)
+    return next((tuple(look[1:4]) for look in shown if look), (1.0, 1.0, 0.0))
+
+
+def are_on_displays(reading: Reading, image: bpy.types.Image | None) -> bool:
+    """Whether all displays and screens show their sections of an image."""
+    return all(is_on_display(display, image, look) for display, look in displays_of(reading))
+
+
+def is_on_display(
+    display: bpy.types.Object, image: bpy.types.Image, look: ImageLook | None = None
+) -> bool:
+    """Whether Kiriko's materials on all slots show an image with a look."""
+    look = look or look_of(display)
     materials = [slot.material for slot in display.material_slots]
     return bool(materials) and all(
         m is not None
         and m.get(MATERIAL_MARK)
-        and m.get(BLACK_LEVEL, 0.0) == black_level
+        and tuple(m.get(LOOK, ())) == look
         and any(node.type == "TEX_IMAGE" and node.image == image for node in m.node_tree.nodes)
         for m in materials
     )
@@ -44,12 +80,26 @@ def _has_no_place(display: bpy.types.Object, name: str) -> str:
     return ""
 
 
+def put_on_displays(reading: Reading, image: bpy.types.Image, name: str | None = None) -> list[str]:
+    """Make all displays and screens emit their sections of an image, unless they do."""
+    return [
+        note
+        for display, look in displays_of(reading)
+        if not is_on_display(display, image, look)
+        for note in put_on_display(display, image, name, look)
+    ]
+
+
 def put_on_display(
-    display: bpy.types.Object, image: bpy.types.Image, name: str | None = None
+    display: bpy.types.Object,
+    image: bpy.types.Image,
+    name: str | None = None,
+    look: ImageLook | None = None,
 ) -> list[str]:
     """Make a display emit an image, by a material of its own in place of the user's.
 
     name : the image's future name; None for its present one
+    look : None for all of the image
 
     The material is linked to the object, so other users of the mesh keep theirs. The user's own
     material stays in the mesh and in the file. Returns a sentence for each replaced material.
@@ -69,8 +119,9 @@ def put_on_display(
 
     try:
         ours[MATERIAL_MARK] = True
-        ours[BLACK_LEVEL] = display.kiriko.display.black_level
-        shaders.show_image(ours, image, display.kiriko.display.black_level)
+        look = look or look_of(display)
+        ours[LOOK] = list(map(float, look))
+        shaders.show_image(ours, image, look)
     except BaseException:
         bpy.data.materials.remove(ours)
         raise

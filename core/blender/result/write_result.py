@@ -10,16 +10,19 @@ from ...base.errors import one_line
 from ...base.messages import Message
 from ...base.words import NO_PLATE, summary
 from ...bench.measured_remedies import Help, Remedies
-from ...solve.solution import Solution
+from ...rig.joined_display import Section
+from ...rig.rig import Rig
+from ...solve.solution import Solution, with_projected
 from ..data.image import holds, image_from_pixels, is_in_working_space, or_none, pack, set_pixels
 from ..data.rigs import all_settings, name_for
-from ..data.stored_records import Sentences, StoredNumbers
+from ..data.stored_records import Sentences, StoredNumbers, fields_of, text_of
 from ..read.scene import Reading
-from .on_display import is_on_display, put_on_display
+from .on_display import put_on_displays
 from .result_images import images_of
 from .result_numbers import numbers_of
 
 SOURCE = "Kiriko Source"
+SECTIONS = "kiriko_sections"  # on an image: which parts of it become files
 
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
@@ -66,6 +69,20 @@ def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) 
 def _is_shared(image: bpy.types.Image) -> bool:
     """Whether several results, of other scenes or rigs, have an image."""
     return sum(image in images_of(ours.result) for ours in all_settings()) > 1
+
+
+def sections_in(image: bpy.types.Image) -> list[Section]:
+    """The sections of a result's image that become files; a single one has no name."""
+    found = fields_of(image.get(SECTIONS, "")).get("sections", [])
+    return [Section(*one) for one in found] or [Section("", 0, *image.size)]
+
+
+def _note_sections(image: bpy.types.Image, rig: Rig) -> None:
+    """Record the sections of several displays, screens and projectors in their image."""
+    if len(rig.outputs) > 1:
+        image[SECTIONS] = text_of({"sections": rig.files})
+    elif SECTIONS in image:
+        del image[SECTIONS]
 
 
 def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image:
@@ -117,7 +134,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     solution : core.solve.solution.Solution
     """
     numbers = numbers_of(scene, reading, solution)
-    image = _packed(name_for(scene, SOURCE), solution.source)
+    image = _packed(name_for(scene, SOURCE), solution.image)
     remarks = _put_in_place(scene, reading, image)
     return _write_numbers(scene, reading, solution, numbers, remarks)
 
@@ -129,17 +146,17 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
     """
     numbers = numbers_of(scene, reading, solution)
     image = scene.kiriko.result.source
-    if has_size_of(image, solution.source):
-        display = bpy.data.objects.get(reading.display_object)
-        is_shown = display is None or is_on_display(display, image)
-        remarks = [] if is_shown else put_on_display(display, image)
-        if holds(image, solution.source):
+    pixels = solution.image
+    if has_size_of(image, pixels):
+        _note_sections(image, reading.rig)
+        remarks = put_on_displays(reading, image)
+        if holds(image, pixels):
             _show_source(scene)
         else:
-            update_source(scene, solution.source)
+            update_source(scene, pixels)
     else:
         name = f"{name_for(scene, SOURCE)} (new)"
-        remarks = _put_in_place(scene, reading, image_from_pixels(name, solution.source))
+        remarks = _put_in_place(scene, reading, image_from_pixels(name, pixels))
 
     return _write_numbers(scene, reading, solution, numbers, remarks)
 
@@ -150,12 +167,10 @@ def update_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) 
 
     Returns the reading for the final result, with notes on replaced materials.
     """
-    image = update_source(scene, pixels)
+    image = update_source(scene, with_projected(reading.rig, pixels))
+    _note_sections(image, reading.rig)
     scene.kiriko.result.is_coarse = True
-    display = bpy.data.objects.get(reading.display_object)
-    if display is None or is_on_display(display, image):
-        return reading
-    return _with_notes(reading, put_on_display(display, image))
+    return _with_notes(reading, put_on_displays(reading, image))
 
 
 def update_final(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
@@ -182,6 +197,7 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
 
     Returns the reading for the final result, with notes on replaced materials.
     """
+    pixels = with_projected(reading.rig, pixels)
     remarks = _put_in_place(scene, reading, _packed(name_for(scene, SOURCE), pixels))
     reading = _with_notes(reading, remarks)
     _take_numbers(scene, reading, is_coarse=True)
@@ -203,10 +219,10 @@ def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Ima
     this fails.
     """
     old, name = scene.kiriko.result.source, name_for(scene, SOURCE)
-    display = bpy.data.objects.get(reading.display_object)
+    _note_sections(image, reading.rig)
 
     try:
-        remarks = [] if display is None else put_on_display(display, image, name)
+        remarks = put_on_displays(reading, image, name)
     except BaseException:
         if old is not None:
             image.user_remap(old)

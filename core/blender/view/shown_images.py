@@ -16,6 +16,7 @@ from ..data.moving import number_at
 from ..data.rigs import shown_settings
 from ..read.plane import image_of, texture_showing
 from ..read.read_mesh import column, uv_layer
+from ..result.on_display import window_of
 
 
 class ShownImage(NamedTuple):
@@ -49,12 +50,14 @@ def shown_images(
         image = image_of(thing) if is_picture else None
         texture = texture_showing(thing, image) if is_picture else None
         uv_map = "" if texture is None else texture.uv_map
-        if thing.kiriko.role == "DISPLAY":
+        if thing.kiriko.role in {"DISPLAY", "SCREEN"}:
             image = ours.result.source
 
         if image is not None:
             laid = _laid(thing.evaluated_get(layer.depsgraph), uv_map)
             if laid is not None:
+                width, height, below = (1.0, 1.0, 0.0) if is_picture else window_of(thing)
+                laid = laid[0], laid[1] * np.float32([width, height]) + np.float32([0, below])
                 timing = None if texture is None else texture.timing
                 number = number_at(image, timing, scene.frame_current)
                 yield ShownImage(image, *laid, is_picture=is_picture, number=number)

@@ -389,7 +389,7 @@ def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[
     """
     k = times_finer(rig)
     display = replace(rig.display, width=k * rig.display.width, height=k * rig.display.height)
-    fine = replace(rig, displays=(display,))
+    fine = replace(rig.joined, displays=(display,))
     place = rig.picture_place
     white = showing(fine, np.ones((place.height, place.width, 4), np.float32))
     session = Session()
