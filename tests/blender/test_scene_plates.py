@@ -62,7 +62,7 @@ def test_only_a_plate_has_a_preset(scene):
     rig = small_rig()
     new_object(primitive("grid", size=1.0), "PLATE")
     bpy.context.view_layer.objects.active = rig["GLASS"]
-    with pytest.raises(RuntimeError, match="Select an object with the role Plate"):
+    with pytest.raises(RuntimeError, match="Select an object with the role plate"):
         bpy.ops.kiriko.plate_preset(preset="ASKA3D-488")
 
 
