@@ -12,15 +12,11 @@ from ..core.blender.data.changes import Change, change, put_back
 from ..core.blender.data.rigs import elsewhere
 from ..core.blender.data.screens import place_of, spaces
 from ..core.blender.view.view_framing import Framed, Window, framed, in_sight, turned
+from ..core.rig.rig import ROLES
 from . import work
 from .windows import view_of
 
-BENCH = (
-    "GLASS",
-    "PLATE",
-    "PICTURE",
-    "DISPLAY",
-)  # without the viewer, which is far away
+BENCH = {role.name for role in ROLES if role.number is not None} - {"PROJECTOR", "BLOCKER"}
 LEAST_SEEN = 0.5  # of a new object's corners: with more in view, the view does not move
 _before: list[list[Any]] = []  # view changes stored by rigs, before undo or redo
 

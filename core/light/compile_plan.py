@@ -37,7 +37,7 @@ from .rig_parts import (
 from .trace import EventByEvent
 
 TRACERS = Kernel(), EventByEvent()  # fastest first; the last traces any plan
-MOST_COPIES = 7  # of a ray, if parts split rays: eight paths in all
+MOST_COPIES = 7  # of a ray, if parts split rays: 2^3 paths in all, each by up to three splits
 MOST_UNLIKE = 1e4  # ratio of a layer's extent to the size of its smallest part
 
 

@@ -334,7 +334,9 @@ LIGHTS = "imaged", "folded", "reflected"
 STATE = {  # arrays of rays.py's Rays, which the kernel reads and writes in place
     **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
     **dict.fromkeys(("mask", "branch"), np.uint64),
-    **dict.fromkeys(("cluster", "n_events", "rank", "last_part", "leak", "n_words"), np.int64),
+    **dict.fromkeys(
+        ("cluster", "n_events", "rank", "n_splits", "last_part", "leak", "n_words"), np.int64
+    ),
     **dict.fromkeys(("reason", "plate_path"), np.uint8),
     **dict.fromkeys(("has_met_glass", "has_met_plate", "is_astray", "has_ended"), np.bool_),
     "is_begun": np.bool_,

@@ -203,8 +203,8 @@ PASS, TIR, PLATE, MIRROR, LAND, FACE_PASS, FACE_TIR, FACE_MIRROR = range(1, 9)
 class Rays:
     """The state of a batch of rays; `live` ones are still being traced.
 
-    A ray that splits continues in up to `n_copies` copies. Rows: first the traced rays, then the
-    first copy of each, and so on.
+    A ray that splits continues in up to `n_copies` copies, 2^k - 1 for k splits. Rows: first the
+    traced rays, then the first copy of each, and so on.
     """
 
     def __init__(
@@ -233,6 +233,7 @@ class Rays:
         self.throughput = np.ones(n)
         self.n_events = np.zeros(n, np.int64)
         self.rank = np.zeros(n, np.int64)
+        self.n_splits = np.zeros(n, np.int64)
 
         self.has_met_glass = np.zeros(n, bool)
         self.has_met_plate = np.zeros(n, bool)
@@ -282,26 +283,23 @@ class Rays:
         return splits, copies
 
     def split(self, rays: Ints) -> tuple[Ints, Ints]:
-        """Split some rays: which (m,) of them (n,) have copies left, and the rows (m,) of the new
+        """Split some rays: which (m,) of them (n,) have splits left, and the rows (m,) of the new
         copies, in the same state.
-        """
-        copies = np.full(len(rays), -1)
-        for first in range(self.n_originals, len(self.mask), self.n_originals):
-            row = first + rays % self.n_originals
-            free = np.flatnonzero((copies < 0) & ~self.is_begun[row])
-            # two copies of one ray may split at the same time
-            free = free[np.unique(row[free], return_index=True)[1]]
-            copies[free] = row[free]
-            self.is_begun[row[free]] = True
 
-        splits = np.flatnonzero(copies >= 0)
+        A copy's row is its path, a binary digit for each split, whatever the order of splits.
+        """
+        digit = (1 + self.n_copies) >> (1 + self.n_splits[rays])
+        splits = np.flatnonzero(digit)
+        parents = rays[splits]
+        copies = parents + self.n_originals * digit[splits]
+        self.n_splits[parents] += 1
         for values in self._rows().values():
-            values[copies[splits]] = values[rays[splits]]
+            values[copies] = values[parents]
         if self.is_recorded:
-            self.course[copies[splits]] = self.course[rays[splits]]
-        self.born = np.concatenate([self.born, copies[splits]])
-        self.parents = np.concatenate([self.parents, rays[splits]])
-        return splits, copies[splits]
+            self.course[copies] = self.course[parents]
+        self.born = np.concatenate([self.born, copies])
+        self.parents = np.concatenate([self.parents, parents])
+        return splits, copies
 
     def rows_of(self, some: slice) -> Ints:
         """Rows of some rays and of all their copies."""

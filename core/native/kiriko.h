@@ -152,7 +152,7 @@ typedef struct {
     uint8_t *reason;
     uint64_t *branch;
     double *xy, *throughput;           /* (n, 2), (n,) */
-    int64_t *n_events, *rank;
+    int64_t *n_events, *rank, *n_splits;
     uint8_t *has_met_glass, *has_met_plate, *plate_path;
     int64_t *last_part, *leak;
     uint64_t *course;                  /* (n, width), or NULL */

@@ -32,17 +32,18 @@ static void add_to_branch(Ray *ray, int64_t patch, Event event) {
     rays->has_ended[i] |= rays->is_astray[i];
 }
 
-/* Copy a ray that splits, in its present state, as Rays.split; returns the copy's row, -1 if none is left. */
+/* Copy a ray that splits, in its present state, as Rays.split; returns the copy's row, -1 if no split is left. */
 static int64_t split(Ray *ray) {
     Rays *rays = ray->rays;
-    int64_t i = ray->i, n = rays->n_asked, end = n * (1 + rays->n_copies), to = ray->original + n;
-    while (to < end && rays->is_begun[to]) to += n;
-    if (to >= end) return -1;
+    int64_t i = ray->i, digit = (1 + rays->n_copies) >> (1 + rays->n_splits[i]);
+    if (!digit) return -1;
+    int64_t to = i + rays->n_asked * digit;
+    rays->n_splits[i]++;
     rays->is_begun[to] = true;
     copy(rays->positions + 3 * i, rays->positions + 3 * to);
     copy(rays->directions + 3 * i, rays->directions + 3 * to);
 #define TAKE(column) rays->column[to] = rays->column[i]
-    TAKE(mask), TAKE(cluster), TAKE(branch), TAKE(throughput), TAKE(n_events), TAKE(rank), TAKE(n_words);
+    TAKE(mask), TAKE(cluster), TAKE(branch), TAKE(throughput), TAKE(n_events), TAKE(rank), TAKE(n_splits), TAKE(n_words);
     TAKE(has_met_glass), TAKE(has_met_plate), TAKE(plate_path), TAKE(last_part), TAKE(leak), TAKE(is_astray);
 #undef TAKE
     for (int64_t k = 0; rays->is_recorded && k < rays->width; k++)
@@ -525,10 +526,10 @@ static void follow_some(void *context, int64_t first, int64_t last) {
     for (int64_t i = first; i < last; i++) {
         ray.i = ray.original = batch->first + i;
         follow_one(&ray);
-        /* its copies, which may split as well */
-        for (int64_t k = 0; k < rays->n_copies && rays->is_begun[ray.i + rays->n_asked]; k++) {
+        /* its copies, which may split as well, into later rows */
+        for (int64_t k = 0; k < rays->n_copies; k++) {
             ray.i += rays->n_asked;
-            if (!rays->has_ended[ray.i]) follow_one(&ray);
+            if (rays->is_begun[ray.i] && !rays->has_ended[ray.i]) follow_one(&ray);
         }
     }
 }
@@ -554,7 +555,7 @@ static void begin(const Halving *halving, Rays *rays, int64_t i, double x, doubl
     double length = halving->is_orthographic ? 1 : sqrt(square);
     for (int k = 0; k < 3; k++) d[k] /= length;
     rays->mask[i] = rays->branch[i] = 0;
-    rays->cluster[i] = rays->n_events[i] = rays->n_words[i] = rays->rank[i] = 0;
+    rays->cluster[i] = rays->n_events[i] = rays->n_words[i] = rays->rank[i] = rays->n_splits[i] = 0;
     rays->reason[i] = CUT_OFF;
     rays->xy[2 * i] = rays->xy[2 * i + 1] = NAN;
     rays->throughput[i] = 1;

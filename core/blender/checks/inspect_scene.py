@@ -43,7 +43,7 @@ from .faults import counts_of
 from .to_do import FaultCounts, Inspection, Named, Thing
 
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's bounding box is not that of their surface
-CHECKED = ("GLASS", "MIRROR")  # roles whose mesh light meets
+CHECKED = ("GLASS", "MIRROR", "HALF_MIRROR")  # roles whose mesh light meets
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
 
