@@ -1,5 +1,5 @@
-"""The main job on the reference rigs, ball and cube, into out/, or on rigs without a plate:
-telephone, tablet, aquarium. Runs inside Blender.
+"""The main job on the reference rigs, ball and cube, into out/; on rigs without a plate: telephone,
+tablet, aquarium; or on the systems of Add Rig > More. Runs inside Blender.
 
 Started by dev.py.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -22,6 +23,7 @@ from paper.lattice import shift_in_cycles
 registered()
 
 from kiriko.core.base.steps import run_steps  # noqa: E402
+from kiriko.core.bench.systems import SYSTEMS  # noqa: E402
 from kiriko.core.blender.data.stored_records import StoredNumbers  # noqa: E402
 from kiriko.core.files import disk, image_io  # noqa: E402 - the operators have to be there first
 from kiriko.core.image.seen_image import LatticeShift, lattice_shift  # noqa: E402
@@ -60,7 +62,8 @@ def add_cube() -> None:
 
 
 FIRST = {"ball": add_ball, "cube": add_cube}
-RIGS = {**FIRST, **straight_rigs.RIGS}
+SYSTEM_RIGS = {kind.lower(): partial(bpy.ops.kiriko.add_rig, kind=kind) for kind in SYSTEMS}
+RIGS = {**FIRST, **straight_rigs.RIGS, **SYSTEM_RIGS}
 
 
 def numbers(shift: LatticeShift) -> dict[str, object]:
@@ -143,11 +146,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results")
     which = "which rigs; ball and cube when none is named"
+    parser.add_argument("--all", action="store_true", help="all rigs")
     parser.add_argument("rigs", nargs="*", choices=[*RIGS, []], help=which)
     arguments = parser.parse_args()
 
     rows = [["rig", "coverage", "displacement before", "after", "solve s", "all s"]]
-    for name in arguments.rigs or FIRST:
+    for name in RIGS if arguments.all else arguments.rigs or FIRST:
         print(f"{name}: solving, rendering, measuring ...", flush=True)
         with quiet():
             rows.append(run(name, arguments.out.resolve()))
