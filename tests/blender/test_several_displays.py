@@ -2,6 +2,7 @@
 viewport, in Cycles and in files.
 """
 
+import json
 from pathlib import Path
 from types import ModuleType
 
@@ -142,3 +143,44 @@ def test_a_projector_sees_what_the_screen_shows(core: ModuleType, scene, tmp_pat
     thing = new_object(primitive("cube", size=0.01), "PROJECTOR")
     with pytest.raises(RuntimeError, match=f"'{thing.name}' has the role Projector, but it isn't"):
         bpy.ops.kiriko.solve()
+
+
+def test_the_command_line_writes_a_file_for_each_display(scene, run, tmp_path: Path):
+    """With its name; existing ones are refused before anything is solved."""
+    halves(small_rig()["DISPLAY"])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    out = tmp_path / "out"
+    assert run("solve", "--out", out) == 0
+    names = {path.name for path in out.iterdir()}
+    for image in ("source_{}.png", "source_{}.exr"):
+        assert {image.format(name) for name in ("Left", "Right")} <= names
+    assert {"seen.png", "ideal.png", "report.json"} <= names
+    assert "source.png" not in names
+    assert run("solve", "--out", out) == 1
+    assert run("maps", "--out", tmp_path / "maps", "--formats", "npz") == 0
+    about = json.loads((tmp_path / "maps" / "maps.json").read_text())
+    assert [one["name"] for one in about["sections"]] == ["Left", "Right"]
+
+
+def test_a_moved_projector_or_screen_makes_the_result_old(scene):
+    """And so does its resolution, or a screen's."""
+    rig = small_rig()
+    screen = rig["DISPLAY"]
+    screen.kiriko.role = "SCREEN"
+    projector = new_object(bpy.data.cameras.new("Projector"), "PROJECTOR")
+    projector.kiriko.use_resolution, projector.kiriko.resolution = True, (64, 48)
+    projector.matrix_world = screen.matrix_world @ Matrix.Translation((0.02, 0.01, 0.3))
+    bpy.context.view_layer.update()
+    has_changed = loaded("operators.watch").has_changed
+    for change in (
+        lambda: setattr(projector, "location", projector.location * 1.1),
+        lambda: setattr(projector.kiriko, "resolution", (32, 24)),
+        lambda: setattr(projector.data, "lens", 30.0),
+        lambda: setattr(screen.kiriko, "resolution", (32, 32)),
+        lambda: setattr(screen, "location", screen.location * 1.01),
+    ):
+        bpy.ops.kiriko.solve()
+        assert not has_changed(bpy.context)
+        change()
+        bpy.context.view_layer.update()
+        assert has_changed(bpy.context)

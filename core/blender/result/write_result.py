@@ -10,10 +10,18 @@ from ...base.errors import one_line
 from ...base.messages import Message
 from ...base.words import NO_PLATE, summary
 from ...bench.measured_remedies import Help, Remedies
-from ...rig.joined_display import Section
+from ...rig.joined_display import Section, sections_of
 from ...rig.rig import Rig
 from ...solve.solution import Solution, with_projected
-from ..data.image import holds, image_from_pixels, is_in_working_space, or_none, pack, set_pixels
+from ..data.image import (
+    holds,
+    image_from_pixels,
+    is_in_working_space,
+    or_none,
+    pack,
+    pixels_from_image,
+    set_pixels,
+)
 from ..data.rigs import all_settings, name_for
 from ..data.stored_records import Sentences, StoredNumbers, fields_of, text_of
 from ..read.scene import Reading
@@ -167,7 +175,12 @@ def update_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) 
 
     Returns the reading for the final result, with notes on replaced materials.
     """
-    image = update_source(scene, with_projected(reading.rig, pixels))
+    pixels = with_projected(reading.rig, pixels)
+    before = scene.kiriko.result.source
+    if reading.rig.projectors and has_size_of(before, pixels):  # they show the old one until then
+        first = sections_of(reading.rig.outputs)[len(reading.rig.lit)].top
+        pixels[first:] = pixels_from_image(before)[first:, :, :3]
+    image = update_source(scene, pixels)
     _note_sections(image, reading.rig)
     scene.kiriko.result.is_coarse = True
     return _with_notes(reading, put_on_displays(reading, image))
