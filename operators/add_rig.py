@@ -17,6 +17,7 @@ from ..core.bench.largest_square import ENOUGH
 from ..core.bench.picture_light import MOST, Spread
 from ..core.bench.placement import Proposal, Wishes, propose, propose_behind, viewer_of
 from ..core.bench.placement import rig_of as proposed_rig
+from ..core.bench.systems import SYSTEMS, placed
 from ..core.blender.checks.inspect_scene import has_own_faces
 from ..core.blender.data.camera_viewer import Frame, frame_of_render
 from ..core.blender.data.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
@@ -25,6 +26,7 @@ from ..core.blender.data.units import length_of_unit, length_text
 from ..core.blender.data.visibility import VisibleObjects
 from ..core.blender.lifecycle.given_glass import has_place
 from ..core.blender.lifecycle.new_rig import RigSite, glass_among, make_rig, on_left_out, read_bench
+from ..core.blender.lifecycle.rig_from_parts import make_rig_from
 from ..core.blender.read.elements import DEFAULT_IOR
 from ..core.blender.result.write_result import legibility_numbers
 from ..core.light.rays import BY_GAPS, REASON_WORDS, Reason
@@ -59,6 +61,8 @@ KINDS = (
         "Build a rig without a plate: the viewer sees a phone or another screen behind the glass",
     ),
 )
+# kinds with parts of their own: Add Rig > More
+MORE = tuple((kind, system.label, system.tip) for kind, system in SYSTEMS.items())
 # properties of one kind of rig
 OF_KIND = {"tilt": "IN_GLASS", "plate_size": "IN_GLASS", "look_down": "BEHIND_GLASS"}
 # groups of properties in the operator's panel
@@ -76,7 +80,15 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     bl_label = "Add Rig"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: bpy.props.EnumProperty(name="Kind", items=KINDS, default="IN_GLASS")
+    kind: bpy.props.EnumProperty(name="Kind", items=KINDS + MORE, default="IN_GLASS")
+    scale: bpy.props.FloatProperty(
+        name="Scale",
+        description="Size of the whole rig, whose origin is the 3D cursor",
+        default=1.0,
+        min=1e-3,
+        max=1e3,
+        options={"SKIP_SAVE"},
+    )
     distance: automatic.length(
         "Distance",
         "Distance from the glass to the plate, or to the display without a plate. 0 = automatic",
@@ -147,7 +159,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     def description(
         cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties
     ) -> str:
-        tip = next(tip for kind, _, tip in KINDS if kind == properties.kind)
+        tip = next(tip for kind, _, tip in KINDS + MORE if kind == properties.kind)
         return bpy.app.translations.pgettext_tip(tip)
 
     @classmethod
@@ -159,6 +171,9 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(self, "kind")
+        if self.kind in SYSTEMS:
+            layout.prop(self, "scale")
+            return
         for title, names in GROUPS:
             layout.label(text=in_words(title), translate=False)
             column = layout.column()
@@ -178,6 +193,8 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
+        if self.kind in SYSTEMS:
+            return self._add_system(context)
         is_straight = self.kind == "BEHIND_GLASS"
         things, layer = context.selected_objects, context.view_layer
         glasses = glass_among(things)
@@ -224,12 +241,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
             remarks.append(illegible(seen[0]))
         on_display, for_most = _on_display(scene, proposal, limit, spread, aspect)
         text = joined([on_display, *left_out])
-        if scene.kiriko_scene.looking:
-            look_through.leave(scene)
-        if compared.is_shown(scene):
-            compared.leave()
-        live.settle(scene)
-        live.forget_why()
+        _leave(scene)
         rig, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
         _write_result(rig, text, remarks, for_most, legibility_numbers(*seen))
         if not bpy.app.background:
@@ -238,6 +250,31 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         self.level = "WARNING" if is_short or remarks else "INFO"
 
         return joined([text, *remarks, *_on_camera(scene)])
+
+    def _add_system(self, context: bpy.types.Context) -> str:
+        """Add a rig with parts of its own at the 3D cursor, whatever is selected."""
+        scene, system = context.scene, SYSTEMS[self.kind]
+        _refuse_second(scene, (), is_straight=True)
+        at = np.array(scene.cursor.location) * length_of_unit(scene)
+        rig = placed(system.make(), self.scale, at)
+        _leave(scene)
+        collection = make_rig_from(scene, rig)
+        if not bpy.app.background:
+            _show(context, collection, ())
+        text = Message("{tip}.", tip=system.tip)
+        if system.source:
+            text = Message("{tip} ({source}).", tip=system.tip, source=system.source)
+        return joined([text, *_on_camera(scene)])
+
+
+def _leave(scene: bpy.types.Scene) -> None:
+    """Leave views and work of the rig that was active."""
+    if scene.kiriko_scene.looking:
+        look_through.leave(scene)
+    if compared.is_shown(scene):
+        compared.leave()
+    live.settle(scene)
+    live.forget_why()
 
 
 def _remember(proposal: Proposal, bench: RigSite, limit: float, metres: float) -> None:
@@ -399,9 +436,14 @@ def _show(
 def _next_to_set(
     rig: bpy.types.Collection, glasses: tuple[bpy.types.Object, ...]
 ) -> tuple[bpy.types.Object, ...]:
-    """The glass of a rig with a plate, else the display: most people choose its product first."""
+    """The glass of a rig with a plate, else the display: most people choose its product first.
+
+    glasses : of the artist; none in a rig with parts of its own
+    """
     parts = {thing.kiriko.role: thing for thing in rig.all_objects}
-    return glasses if "PLATE" in parts else (parts["DISPLAY"],)
+    if glasses and "PLATE" in parts:
+        return glasses
+    return (parts.get("DISPLAY") or parts["SCREEN"],)
 
 
 def _on_materials(bench: RigSite) -> list[str]:

@@ -49,6 +49,7 @@ CLASSES = (
     calibration_panel.VIEW3D_PT_kiriko_not_separated,
     solve_panel.VIEW3D_PT_kiriko_advanced,
     add_menu.VIEW3D_MT_kiriko_add,
+    add_menu.VIEW3D_MT_kiriko_more,
     *menus.SUBMENUS,
     menus.VIEW3D_MT_kiriko,
     preferences.KIRIKO_preferences,

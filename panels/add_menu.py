@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.base.messages import Message, as_message
-from ..operators.add_rig import KINDS
+from ..operators.add_rig import KINDS, MORE
 from ..operators.reporting import in_words
 
 ICONS = {"IN_GLASS": "MATSPHERE", "BEHIND_GLASS": "RESTRICT_VIEW_OFF"}
@@ -32,7 +32,19 @@ class VIEW3D_MT_kiriko_add(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         add_rig(self.layout, labels_of("Rig"))
+        self.layout.menu("VIEW3D_MT_kiriko_more", text="Rig: More", icon="ADD")
         self.layout.operator("kiriko.add_plate_material", icon="MATERIAL")
+
+
+class VIEW3D_MT_kiriko_more(bpy.types.Menu):
+    """Rigs that bring all their parts."""
+
+    bl_label = "More Rigs"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for kind, label, _ in MORE:
+            button = self.layout.operator("kiriko.add_rig", text=in_words(label), translate=False)
+            button.kind = kind
 
 
 def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

@@ -5,6 +5,7 @@ Lengths in metres; z is up, and the viewer looks along +y or down at the origin.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from ..base.messages import Message
 from ..base.vectors import normalise
 from ..light.optics import reflect
 from ..rig.rig import (
+    ROLES,
     Blocker,
     ConstantIndex,
     Display,
@@ -58,7 +60,13 @@ def panel(centre: Sequence[float], right: Floats, up: Floats, width: float, heig
     uv = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     right, up = width * normalise(right), height * normalise(up)
     halves = np.array([[0, 1, 2], [0, 2, 3]])
-    return Mesh(np.asarray(centre) + (uv - 0.5) @ [right, up], halves, uv=uv[halves])
+    corners = np.asarray(centre) + (uv - 0.5) @ [right, up]
+    return Mesh(corners, halves, uv=uv[halves], polygon=halves_of(1))
+
+
+def halves_of(n: int) -> NDArray[np.int64]:
+    """The polygons (2 n,) of the triangles of n quadrilaterals."""
+    return np.repeat(np.arange(n), 2)
 
 
 def strip(outline: Floats, z: tuple[float, float], normals: Floats | None = None) -> Mesh:
@@ -75,10 +83,12 @@ def strip(outline: Floats, z: tuple[float, float], normals: Floats | None = None
     triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     u = np.tile(length / length[-1], 2)
     uv = np.stack([u, np.repeat([0.0, 1.0], n)], axis=1)[triangles]
+    wall = Mesh(vertices, triangles, uv=uv, polygon=halves_of(n - 1))
     if normals is None:
-        return Mesh(vertices, triangles, uv=uv)
+        return wall
     corner = np.tile(np.column_stack([normals, np.zeros(n)]), (2, 1))[triangles]
-    return Mesh(vertices, triangles, corner, np.ones(len(triangles), bool), uv)
+    is_smooth = np.ones(len(triangles), bool)
+    return replace(wall, corner_normals=corner, is_smooth=is_smooth, has_mean_normals=True)
 
 
 def arc(radius: float, half_angle: float, segments: int = SEGMENTS) -> Floats:
@@ -92,7 +102,8 @@ def block(low: Sequence[float], high: Sequence[float]) -> Mesh:
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     triangles = [half for a, b, c, d in quads for half in ((a, b, c), (a, c, d))]
-    return Mesh(np.where(corners, high, low).astype(float), np.array(triangles))
+    vertices = np.where(corners, high, low).astype(float)
+    return Mesh(vertices, np.array(triangles), polygon=halves_of(6))
 
 
 def shell(radius: float, is_cavity: bool = False) -> tuple[Floats, NDArray[np.int64], Floats]:
@@ -105,15 +116,15 @@ def shell(radius: float, is_cavity: bool = False) -> tuple[Floats, NDArray[np.in
     unit = np.concatenate([unit, [Z, -Z]])
     index = np.arange(len(unit) - 2).reshape(-1, SEGMENTS)
     after = np.roll(index, -1, axis=1)
+    if is_cavity:
+        index, after = after, index
     a, b, c, d = index[:-1].ravel(), index[1:].ravel(), after[1:].ravel(), after[:-1].ravel()
     north, south = np.full((2, SEGMENTS), [[len(unit) - 2], [len(unit) - 1]])
     triangles = np.concatenate([
-        np.stack([a, b, c], 1), np.stack([a, c, d], 1),
+        np.stack([a, b, c, a, c, d], 1).reshape(-1, 3),
         np.stack([north, index[0], after[0]], 1), np.stack([index[-1], south, after[-1]], 1),
     ])  # fmt: skip
-    if is_cavity:
-        return radius * unit, triangles[:, ::-1], -unit[triangles[:, ::-1]]
-    return radius * unit, triangles, unit[triangles]
+    return radius * unit, triangles, unit[triangles] * (-1 if is_cavity else 1)
 
 
 def ball(radius: float, inner: float = 0.0) -> Mesh:
@@ -122,9 +133,15 @@ def ball(radius: float, inner: float = 0.0) -> Mesh:
     vertices, triangles, normals = zip(*shells, strict=True)
     starts = np.cumsum([0, *(len(one) for one in vertices)])
     joined = np.concatenate([t + start for t, start in zip(triangles, starts, strict=False)])
+    n_quads = len(triangles[0]) // 2 - SEGMENTS
+    caps = np.arange(2 * SEGMENTS) + n_quads
+    polygon = np.concatenate([halves_of(n_quads), caps])
+    polygons = [polygon + k * (caps[-1] + 1) for k in range(len(shells))]
+    is_smooth = np.ones(len(joined), bool)
     return Mesh(
-        np.concatenate(vertices), joined, np.concatenate(normals), np.ones(len(joined), bool)
-    )
+        np.concatenate(vertices), joined, np.concatenate(normals), is_smooth,
+        has_mean_normals=True, polygon=np.concatenate(polygons),
+    )  # fmt: skip
 
 
 def viewer(position: Sequence[float], target: Sequence[float], field: float) -> Viewer:
@@ -152,6 +169,25 @@ def rig(eye: Viewer, displays: Display | tuple[Display, ...], place: PicturePlac
     displays = displays if isinstance(displays, tuple) else (displays,)
     parts = {"glasses": (), "plates": ()} | parts
     return Rig(viewers=(eye,), displays=displays, pictures=(place,), **parts)
+
+
+def placed(rig: Rig, size: float, at: Floats) -> Rig:
+    """A rig scaled by a factor about its origin, which moves to a place (3,), m."""
+
+    def moved(part: Any) -> Any:
+        if isinstance(part, Viewer):
+            return replace(part, position=size * part.position + at)
+        part = replace(part, mesh=replace(part.mesh, vertices=size * part.mesh.vertices + at))
+        if isinstance(part, Lens):
+            return replace(part, focal_length=size * part.focal_length)
+        if isinstance(part, Retroreflector):
+            return replace(part, pitch=size * part.pitch)
+        if isinstance(part, Plate) and part.array is not None:
+            lengths = {"pitch": size * part.array.pitch, "height": size * part.array.height}
+            return replace(part, array=replace(part.array, **lengths))
+        return part
+
+    return replace(rig, **{role.field: tuple(map(moved, rig.of(role))) for role in ROLES})
 
 
 def through_plate(place: PicturePlace, plate: Mesh) -> tuple[Floats, Floats, Floats]:
@@ -192,7 +228,8 @@ def curved_wall() -> Rig:
 
 def cylinder_anamorphosis() -> Rig:
     """A flat display around a mirror cylinder, in which the picture appears upright."""
-    outline = arc(0.04, np.radians(85))
+    outline = arc(0.04, np.pi, 2 * SEGMENTS)
+    outline[-1] = outline[0]
     mirror = strip(outline, (0.0, 0.12), outline / 0.04)
     table = display(panel(-0.1 * Y - 1e-4 * Z, X, Y, 0.5, 0.5), 2048, 2048)
     eye = viewer([0, -0.5, 0.35], [0, 0, 0.04], 0.12)
@@ -306,7 +343,8 @@ def infloasion() -> Rig:
     base = _with_plate(CUBE)
     normal = SLOPE * (Y - Z)
     at = CUBE.vertices - 0.15 * Y
-    copy = Mesh(reflect(at, normal) + 0.15 * Y, CUBE.triangles[:, ::-1])
+    inside_out = CUBE.triangles[::-1, [0, 2, 1]]
+    copy = Mesh(reflect(at, normal) + 0.15 * Y, inside_out, polygon=CUBE.polygon)
     return replace(base, glasses=(*base.glasses, Glass("Copy", copy, ConstantIndex(ACRYLIC))))
 
 
@@ -344,9 +382,10 @@ def globe(radius: float, opening: float) -> Mesh:
     index = np.arange(len(a)).reshape(len(polar), -1)
     corners = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
     one, two, three, four = (corner.ravel() for corner in corners)
-    halves = [np.stack([one, two, three], axis=1), np.stack([one, three, four], axis=1)]
-    triangles = np.concatenate([halves[0][len(around) - 1 :], halves[1]])
-    return Mesh(vertices, triangles, uv=uv[triangles])
+    halves = np.stack([one, two, three, one, three, four], axis=1).reshape(-1, 3)
+    has_area = np.repeat(np.arange(len(one)) >= SEGMENTS, 2) | (np.arange(len(halves)) % 2 == 1)
+    triangles, polygon = halves[has_area], halves_of(len(one))[has_area]
+    return Mesh(vertices, triangles, uv=uv[triangles], polygon=polygon)
 
 
 def cake() -> Rig:

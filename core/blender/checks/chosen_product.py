@@ -17,7 +17,7 @@ from ...rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassPro
 from ..data.bodies import shows_instances_alone
 from ..data.units import length_of_unit, length_text
 from ..materials.material import is_refractive, material_output, read_refraction, shaders
-from ..read.elements import DEFAULT_IOR, mirrors
+from ..read.elements import DEFAULT_IOR, give_mirrors, mirrors
 from ..read.layout import give_size, size_of
 from ..read.resize import RESIZED_WITHIN, give_side, has_side
 from .inspect_scene import each_material, evaluated, materials_as_shown
@@ -48,17 +48,7 @@ def give_plate(context: bpy.types.Context, plate: bpy.types.Object, product: Pla
     else:
         given = _given(plate, product.name, size)
 
-    array = product.array
-    ours = plate.kiriko.plate
-    ours.model = array.layout.upper()
-    ours.pitch = 1e3 * array.pitch
-    ours.height = array.height / array.pitch
-    ours.ior = array.ior
-    ours.reflectance = array.reflectance
-    ours.crossing_error = array.crossing_error
-    ours.fresnel = array.has_fresnel
-    ours.phase = array.phase
-
+    give_mirrors(plate.kiriko.plate, product.array)
     return given
 
 

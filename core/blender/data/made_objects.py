@@ -8,6 +8,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...base.arrays import Bools, Floats, Ints
+from ...rig.rig import Mesh
 from .rigs import active_rig, elsewhere, name_for
 from .translation_context import data_name
 
@@ -63,6 +64,41 @@ class Workbench:
         """A smooth-shaded icosphere of 20480 triangles."""
         return self._object(name, self.keep(ball_mesh(data_name(name), radius)), frame)
 
+    def drawn(self, name: str, drawn: Mesh, frame: Floats, metres: float) -> bpy.types.Object:
+        """An object of a mesh in the world, with its normals and UV map.
+
+        frame : (4, 4) of the object in the world, m, a rotation and a shift
+        metres : in a Blender unit
+        """
+        mesh = self.keep(bpy.data.meshes.new(data_name(name)))
+        points, index = np.unique(drawn.vertices, axis=0, return_inverse=True)
+        points = (points - frame[:3, 3]) @ frame[:3, :3] / metres
+        n = len(drawn.triangles)
+        polygon = np.arange(n) if drawn.polygon is None else drawn.polygon
+        is_first = np.r_[True, polygon[1:] != polygon[:-1]]
+        # a polygon is a fan: all corners of its first triangle, the last one of each other
+        loops = np.flatnonzero(np.stack([is_first, is_first, np.ones(n, bool)], axis=1))
+        starts = np.searchsorted(loops, 3 * np.flatnonzero(is_first))
+        mesh.vertices.add(len(points))
+        mesh.loops.add(len(loops))
+        mesh.polygons.add(len(starts))
+        mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
+        corners = index.ravel()[drawn.triangles.ravel()[loops]]
+        mesh.loops.foreach_set("vertex_index", corners.astype(np.int32))
+        mesh.polygons.foreach_set("loop_start", starts.astype(np.int32))
+        is_smooth = np.zeros(n, bool) if drawn.is_smooth is None else drawn.is_smooth
+        mesh.polygons.foreach_set("use_smooth", is_smooth[is_first])
+        if drawn.uv is not None:
+            uv = drawn.uv.reshape(-1, 2)[loops]
+            mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", uv.astype(np.float32).ravel())
+        mesh.update(calc_edges=True)
+        if drawn.corner_normals is not None and not drawn.has_mean_normals:
+            give_normals(mesh, drawn.corner_normals.reshape(-1, 3)[loops])
+
+        place = frame.copy()
+        place[:3, 3] /= metres
+        return self._object(name, mesh, place)
+
     def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
         """A perspective camera that frames a square of width `field` at a distance, where its eyes
         converge. It is drawn half as large.
@@ -95,6 +131,15 @@ def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
     mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
     mesh.update()
     return mesh
+
+
+def give_normals(mesh: bpy.types.Mesh, normals: Floats) -> None:
+    """Give the corners (n) of a mesh normals (n, 3); before Blender 4.5 rounded to 16 bit."""
+    if bpy.app.version >= (4, 5):
+        attribute = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+        attribute.data.foreach_set("vector", normals.astype(np.float32).ravel())
+    else:
+        mesh.normals_split_custom_set(normals.tolist())
 
 
 def find_made(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:

@@ -246,16 +246,11 @@ def make_rig(
     ----------
     viewer_resolution : None for the scene's render resolution
     """
-    with ExitStack() as undo:
-        undo.callback(setattr, scene, "camera", scene.camera)
-        undo.callback(setattr, scene.kiriko_scene, "rig", scene.kiriko_scene.rig)
+    has_plate = proposal.placement.plate is not None
+    with new_collection(scene, has_plate) as made, ExitStack() as undo:
         own = overridden(scene, bench.glasses)
         undo.callback(take_away, set(own) - set(bench.glasses))
-        made = Workbench(scene, RIG)
-        undo.callback(made.clear)
-        rig = scene.kiriko_scene.rig = made.collection
-        rig.kiriko.is_rig, rig.kiriko.has_plate = True, proposal.placement.plate is not None
-
+        rig = made.collection
         for thing in own:
             _remember(undo, thing)
         for thing in own:
@@ -264,9 +259,23 @@ def make_rig(
         glasses = own or (_make_ball(scene, made),)
         _make_parts(scene, made, proposal, display_resolution)
         _make_viewer(scene, made, proposal, viewer_resolution)
-        mark_made(made.made)
         undo.pop_all()
     return rig, glasses
+
+
+@contextmanager
+def new_collection(scene: bpy.types.Scene, has_plate: bool) -> Iterator[Workbench]:
+    """A new rig, active, to be filled within the context; removed again after an error."""
+    with ExitStack() as undo:
+        undo.callback(setattr, scene, "camera", scene.camera)
+        undo.callback(setattr, scene.kiriko_scene, "rig", scene.kiriko_scene.rig)
+        made = Workbench(scene, RIG)
+        undo.callback(made.clear)
+        rig = scene.kiriko_scene.rig = made.collection
+        rig.kiriko.is_rig, rig.kiriko.has_plate = True, has_plate
+        yield made
+        mark_made(made.made)
+        undo.pop_all()
 
 
 def _remember(undo: ExitStack, thing: bpy.types.Object) -> None:

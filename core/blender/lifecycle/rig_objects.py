@@ -23,7 +23,11 @@ PLATE_NAME = Message("Kiriko Plate")
 
 def make_plate(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
     """A square plate."""
-    plate = made.rectangle(PLATE_NAME, frame, side, side)
+    return be_plate(made, made.rectangle(PLATE_NAME, frame, side, side))
+
+
+def be_plate(made: Workbench, plate: bpy.types.Object) -> bpy.types.Object:
+    """Turn an object into an ideal plate."""
     plate.kiriko.role = "PLATE"
     plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
     return plate
@@ -31,9 +35,18 @@ def make_plate(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
 
 def make_picture(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
     """A square picture, of the lattice."""
-    picture = made.rectangle("Kiriko Picture", frame, side, side)
+    return be_picture(made, made.rectangle("Kiriko Picture", frame, side, side))
+
+
+def make_lattice(made: Workbench) -> bpy.types.Image:
+    """The default picture's image."""
+    return made.keep(packed_image("Kiriko Lattice", lattice_file()))
+
+
+def be_picture(made: Workbench, picture: bpy.types.Object) -> bpy.types.Object:
+    """Turn an object into a picture of the lattice."""
     picture.kiriko.role, picture.show_in_front = "PICTURE", True
-    image = made.keep(packed_image("Kiriko Lattice", lattice_file()))
+    image = make_lattice(made)
     picture.data.materials.append(
         made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image))
     )
@@ -56,6 +69,13 @@ def make_display(
     """A display with square pixels, as many across and down."""
     columns, rows = pixels
     display = made.rectangle("Kiriko Display", frame, width, width * rows / columns)
+    return be_display(made, display, pixels)
+
+
+def be_display(
+    made: Workbench, display: bpy.types.Object, pixels: tuple[int, int]
+) -> bpy.types.Object:
+    """Turn an object into a display."""
     display.kiriko.role, display.kiriko.resolution = "DISPLAY", pixels
     display.data.materials.append(made.material("Kiriko Display", be_seen_as_screen))
     return display

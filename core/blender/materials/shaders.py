@@ -185,7 +185,7 @@ def be_lens(material: bpy.types.Material, centre: Sequence[float], focal_length:
     cosine = _vector(tree, "DOT_PRODUCT", incoming, geometry.outputs["True Normal"])
     size = tree.nodes.new("ShaderNodeMath")
     size.operation = "ABSOLUTE"
-    tree.links.new(cosine.node.outputs["Value"], size.inputs[0])
+    tree.links.new(cosine, size.inputs[0])
     slopes = _vector(tree, "DIVIDE", incoming, size.outputs[0])
     away = _vector(tree, "SUBTRACT", geometry.outputs["Position"], tuple(centre))
     away = _vector(tree, "DIVIDE", away, (-focal_length,) * 3)
@@ -202,7 +202,7 @@ def _vector(tree: Any, operation: str, *values: Any) -> Any:
             socket.default_value = value
         else:
             tree.links.new(value, socket)
-    return node.outputs["Vector"]
+    return node.outputs["Value" if operation == "DOT_PRODUCT" else "Vector"]
 
 
 def _send(tree: Any, output: Any, geometry: Any, direction: Any) -> None:

@@ -16,7 +16,7 @@ from ...bench.offset import part_motions
 from ...glass.tessellate import tessellate
 from ...rig.rig import ROLES, Mesh, Rig
 from ..data.camera_viewer import viewer_of
-from ..data.made_objects import OBJECT_MARK
+from ..data.made_objects import OBJECT_MARK, give_normals
 from ..data.temporary import mark
 from ..read.part_roles import InBlender, Studio, in_blender
 from ..read.read_mesh import sharpen_creases
@@ -53,13 +53,7 @@ def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.type
     mesh.update(calc_edges=True)
 
     if drawn.corner_normals is not None:
-        normals = drawn.corner_normals.reshape(-1, 3)
-        if bpy.app.version >= (4, 5):
-            attribute = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
-            attribute.data.foreach_set("vector", normals.astype(np.float32).ravel())
-        else:
-            mesh.normals_split_custom_set_from_vertices(normals.tolist())
-
+        give_normals(mesh, drawn.corner_normals.reshape(-1, 3))
     return mesh, Matrix.Translation((middle / metres).tolist())
 
 

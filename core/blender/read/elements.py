@@ -163,6 +163,18 @@ def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:
     )
 
 
+def give_mirrors(ours: bpy.types.PropertyGroup, array: MirrorArray) -> None:
+    """Set a plate's settings to mirrors; the inverse of `mirrors`."""
+    ours.model = array.layout.upper()
+    ours.pitch = 1e3 * array.pitch
+    ours.height = array.height / array.pitch
+    ours.ior = array.ior
+    ours.reflectance = array.reflectance
+    ours.crossing_error = array.crossing_error
+    ours.fresnel = array.has_fresnel
+    ours.phase = array.phase
+
+
 def read_plate(part: WorldPart) -> Plate:
     """A plate with its mirrors, relative to the object's origin and x axis, or y if x is normal to
     the plate.

@@ -15,6 +15,15 @@ SEE_THROUGH = 0.5  # materials with a lower alpha are left alone
 PLATE = (0.15, 0.5, 1.0, 0.5)
 PLATE_OPACITY = 0.12  # in EEVEE
 SCREEN = (0.02, 0.02, 0.03, 1.0)
+# colour of other parts in Solid mode; alpha below 1 is see-through
+COLOURS = {
+    "MIRROR": (0.55, 0.6, 0.65, 1.0),
+    "HALF_MIRROR": (0.5, 0.7, 0.8, 0.35),
+    "RETROREFLECTOR": (0.35, 0.35, 0.4, 1.0),
+    "LENS": (0.7, 0.85, 1.0, 0.35),
+    "BLOCKER": (0.05, 0.05, 0.05, 1.0),
+}
+IN_PORTALS = {"RETROREFLECTOR", "LENS"}  # drawn black by EEVEE
 
 
 def see_through(thing: bpy.types.Object, glasses: tuple[bpy.types.Object, ...]) -> None:
@@ -74,6 +83,14 @@ def be_seen_as_plate(material: bpy.types.Material) -> None:
     material.diffuse_color = PLATE
     material.surface_render_method = "BLENDED"
     shaders.tint_in_eevee(material, PLATE[:3], PLATE_OPACITY)
+
+
+def be_seen_as(material: bpy.types.Material, role: str) -> None:
+    """Colour the material of a part outside Cycles."""
+    material.diffuse_color = colour = COLOURS[role]
+    if role in IN_PORTALS:
+        material.surface_render_method = "BLENDED"
+        shaders.tint_in_eevee(material, colour[:3], colour[3])
 
 
 def be_seen_as_screen(material: bpy.types.Material) -> None:
