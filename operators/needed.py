@@ -12,13 +12,12 @@ from ..core.blender.data.camera_viewer import instanced_viewers, is_deleted, own
 from ..core.blender.data.rigs import active_rig, elsewhere, mark_of
 from ..core.blender.data.visibility import VisibleObjects, instance_hidden_by, is_visible
 from ..core.blender.lifecycle.rig_objects import PLATE_NAME
-from ..core.blender.read.scene_parts import LeftOut, hidden_words
+from ..core.blender.read.scene_parts import GLASS_REMEDY, LeftOut, hidden_words
 from ..core.blender.result.result_images import is_missing_numbers
 from ..core.rig.rig import ROLES
 from ..languages import in_all
 from .reporting import in_words
 
-GLASS_REMEDY = Message("set the role of an object to Glass, or turn off Only Through Glass")
 REMEDIES = {role.name: role.remedy for role in ROLES} | {"GLASS": GLASS_REMEDY}
 NEEDED = {
     role.name: Message("No {noun}: {remedy}", noun=role.noun, remedy=REMEDIES[role.name])

@@ -51,11 +51,11 @@ PlanStructure = _structure(
 )  # fmt: skip
 RayStateStructure = _structure(
     "RayStateStructure",
-    positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P,
-    throughput=_P, n_events=_P, rank=_P, n_splits=_P, has_met_glass=_P, has_met_plate=_P,
-    plate_path=_P, last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I, light=_I,
-    n_words=_P, is_astray=_P, has_ended=_P, is_begun=_P, n_asked=_I, n_copies=_I, n_rays=_I, n_steps=_I, places=_P,
-    met=_P, left_at=_P, is_reached=_P, is_unready=_P,
+    positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P, throughput=_P,
+    n_events=_P, rank=_P, n_splits=_P, has_met_glass=_P, has_met_plate=_P, plate_path=_P,
+    last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I, light=_I, n_words=_P, is_astray=_P,
+    has_ended=_P, is_begun=_P, n_asked=_I, n_copies=_I, n_rays=_I, n_steps=_I, places=_P, met=_P,
+    left_at=_P, is_reached=_P, is_unready=_P,
 )  # fmt: skip
 DivisionStructure = _structure(
     "DivisionStructure",

@@ -173,6 +173,9 @@ def read_parts(
     return parts, notes_on_parts(parts, found, hidden, scene) + notes
 
 
+GLASS_REMEDY = Message("set the role of an object to Glass, or turn off Only Through Glass")
+
+
 def parts_by_role(
     parts: list[WorldPart], glasses: Collection[bpy.types.Object] = ()
 ) -> dict[str, list[WorldPart]]:
