@@ -30,10 +30,15 @@ PRODUCTS = {
 
 ELEMENT_SETTINGS = {
     "GLASS": ("reflects", "prefers"),
-    "HALF_MIRROR": ("reflectance", "absorption", "prefers"),
+    "HALF_MIRROR": ("reflectance", "absorption", "prefers", "polarising"),
     "LENS": ("focal_length",),
+    "POLARISER": ("angle", "extinction"),
+    "WAVE_PLATE": ("retardance", "angle"),
+    "DISPLAY": ("is_polarised", "angle"),
     "RETROREFLECTOR": ("spread", "pitch"),
 }
+# settings that need another one
+NEEDS = {("GLASS", "prefers"): "reflects", ("DISPLAY", "angle"): "is_polarised"}
 
 
 class VIEW3D_MT_kiriko_images(bpy.types.Menu):
@@ -108,7 +113,8 @@ def _draw_role(
     if ours.role == "GLASS":
         _draw_glass(layout, context, thing)
     for name in ELEMENT_SETTINGS.get(ours.role, ()):
-        if name != "prefers" or ours.role != "GLASS" or ours.element.reflects:
+        needs = NEEDS.get((ours.role, name))
+        if needs is None or getattr(ours.element, needs):
             layout.prop(ours.element, name)
     if ours.role in {"GLASS", "MIRROR", "HALF_MIRROR"}:
         layout.prop(ours, "surface")

@@ -18,7 +18,7 @@ from ..glass.curved import CurvedFaces
 from ..glass.surfaces import Surface
 from ..rig.rig import Kind, Rig
 from ..rig.settings import Settings
-from .display import display_plane
+from .display import absorbing_axes, display_plane
 from .engines import engine_kind
 from .interaction_display import NEAR
 from .kernel_tracer import Kernel
@@ -134,7 +134,7 @@ def compile_plan_steps(
     RigError, MeshError
         One sentence on the fault of the rig.
     """
-    rig = rig.joined
+    is_polarised, rig = rig.is_polarised, rig.joined
     mesh_cache = mesh_cache or MeshCache()
     settings = settings.for_rig(rig)
     deferred_boxes = grown(
@@ -159,7 +159,8 @@ def compile_plan_steps(
     yield 0
 
     is_clear = find_clear(parts.surfaces, parts.kind, deferred_boxes) & (plane is not None)
-    features = _features(parts, layers, media, is_clear, settings)
+    absorbing = absorbing_axes(rig.display, parts.surfaces[-1]) if is_polarised else None
+    features = _features(parts, layers, media, is_clear, settings, is_polarised)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
     by_display = boxes_touch(boxes, NEAR * merge_distance)[-1, : len(solids)]
     for solid, is_near in zip(parts.solids, by_display, strict=True):
@@ -182,7 +183,7 @@ def compile_plan_steps(
         media=media,
         layers=layers,
         thin_parts=thin_parts,
-        display=PlannedDisplay(int(parts.starts[-2]), plane, bool(by_display.any())),
+        display=PlannedDisplay(int(parts.starts[-2]), plane, bool(by_display.any()), absorbing),
         deferred=DeferredObjects(deferred, deferred_boxes),
         merge_distance=merge_distance,
         used=tuple(name for name, is_used in features.items() if is_used),
@@ -267,6 +268,7 @@ def _features(
     media: Media,
     is_clear: Bools,
     settings: Settings,
+    is_polarised: bool,
 ) -> dict[str, bool]:
     """Features a plan may use, by name, and whether this one does.
 
@@ -276,7 +278,7 @@ def _features(
     is_clear : (p, 2) light beyond a plate can only meet the display
     """
     is_plate = parts.kind == Kind.PLATE
-    no_kernel = TRACERS[0].left_out(layers, parts.kind)
+    no_kernel = TRACERS[0].left_out(layers, parts.kind, is_polarised)
     has_engine = any(planned.layer.has_engine for planned in layers) and no_kernel is not None
     kernel, engine = Message("compiled kernel"), Message("ray engine")
     if no_kernel:
@@ -292,4 +294,5 @@ def _features(
         Message("mirror array"): any(isinstance(one, ArrayFrame) for one in parts.elements),
         Message("light beyond the plate"): not is_clear[is_plate].any(axis=1).all(),
         Message("Fresnel"): settings.brightness,
+        Message("polarisation"): is_polarised,
     }

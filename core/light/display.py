@@ -9,6 +9,7 @@ from ..base.vectors import cross_2d, normalise
 from ..glass.meshes import components, edge_corners, find_edges
 from ..glass.surfaces import Surface
 from ..rig.rig import Display, Mesh
+from .polarisation import axes_of
 
 # relative tolerance for a display to count as one flat rectangle
 DISPLAY_FLATNESS = 1e-6
@@ -54,6 +55,17 @@ def uv_area(uv: Floats) -> float:
     a = uv[:, 1] - uv[:, 0]
     b = uv[:, 2] - uv[:, 0]
     return float(0.5 * np.abs(cross_2d(a, b)).sum())
+
+
+def absorbing_axes(display: Display, surface: Surface) -> Floats:
+    """Absorbing axis (t, 3) of the display's polariser at each triangle; 0 without one."""
+    starts = np.cumsum([0, *(len(one.mesh.triangles) for one in display.parts)])
+    axes = np.zeros((starts[-1], 3))
+    for one, start in zip(display.parts, starts, strict=False):
+        if one.polarised is not None:
+            some = slice(start, start + len(one.mesh.triangles))
+            axes[some] = axes_of(one.mesh, surface.normals[some], one.polarised + np.pi / 2)
+    return axes
 
 
 def affine_fit(places: Floats, values: Floats) -> tuple[Floats, float]:

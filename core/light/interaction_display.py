@@ -45,9 +45,12 @@ def is_on_image(plan: Plan, xy: Floats) -> Bools:
     return ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
 
 
-def land(plan: Plan, rays: Rays, i: Ints, place: Floats) -> None:
-    """Set the landings of rays (n,) at places (n, 2) of the display, px."""
+def land(plan: Plan, rays: Rays, i: Ints, place: Floats, triangle: Ints | int = 0) -> None:
+    """Set the landings of rays (n,) at places (n, 2), px, on triangles (n,) of the display."""
     rays.xy[i] = plan.rig.display.pixel(place, take(rays.directions, i))
+    if plan.display.absorbing is not None:
+        axes = np.broadcast_to(plan.display.absorbing[triangle], (len(i), 3))
+        rays.reach_display(i, axes)
 
 
 def _passes_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
@@ -142,14 +145,14 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     Light without a picture, followed for completeness, may pass by the plate.
     """
     display = plan.rig.display
-    uv = display.mesh.uv[hits.triangle - plan.display.start]
-    place = display.place(interpolate(uv, hits.u, hits.v))
+    triangle = hits.triangle - plan.display.start
+    place = display.place(interpolate(display.mesh.uv[triangle], hits.u, hits.v))
 
     is_front = dot(rays.directions[i], plan.triangles.normals[hits.triangle]) < 0
     is_met = np.ones(len(i), bool)
     lands = give_reasons(plan, rays, i, is_met, is_front, is_on=is_on_image(plan, place)) & is_front
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], LAND)
-    land(plan, rays, i[lands], place[lands])
+    land(plan, rays, i[lands], place[lands], triangle[lands])
 
 
 INTERACTION = Interaction(interact, surface, ends=True)

@@ -9,6 +9,7 @@ from .hits import Hits
 from .meetings import Interaction, shading_normals
 from .optics import reflect, refract
 from .plan import Plan
+from .polarisation import Passed, reflection
 from .rays import FACE_PASS, FACE_TIR, PASS, TIR, Rays
 
 
@@ -46,13 +47,22 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
         out[wrong], is_tir[wrong], transmittance[wrong] = again
         is_own[wrong] = True
 
+    transmitted, reflected = Passed(transmittance), Passed(1 - transmittance)
+    if plan.is_polarised:
+        normals = np.where(wrong[:, None], geometric, shading)
+        s, p = reflection(directions, normals, n1, n2)
+        reflected = rays.passed(i, normals, s, p)
+        # what is not reflected passes, without a change of phase
+        s, p = (np.where(is_tir, r, np.sqrt(np.maximum(1 - np.abs(r) ** 2, 0))) for r in (s, p))
+        transmitted = rays.passed(i, normals, s, p)
+
     splitting = [] if not plan.n_copies else plan.part_of(hits.triangle)
     for glass, some in splitting:
         some = some[~is_tir[some]]
         if not (glass.splits and len(some)):
             continue
-        passed = transmittance[some]
-        splits, copies = rays.branch_off(i[some], 1 - passed, passed, glass.prefers)
+        light = reflected.at(some), transmitted.at(some)
+        splits, copies = rays.branch_off(i[some], *light, glass.prefers)
         at = some[splits]
         mirrored = reflect(directions[at], shading[at])
         wrong = dot(mirrored, geometric[at]) < 0
@@ -62,14 +72,14 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
         rays.mask[copies] = before[at]
         event = np.where(is_own[at] | wrong, FACE_TIR, TIR)
         rays.add_to_branch(copies, patch[at], event)
-        transmittance[some] = 1.0  # it counts already
+        transmitted.share[some] = 1.0  # it counts already
 
+    if plan.settings.brightness or plan.is_polarised:
+        rays.pass_on(i, transmitted)
     rays.directions[i] = normalise(out)
     # a reflected ray may hit a coincident thin surface again, but not glass faces behind it
     rays.last_part[i[is_tir]] = part[is_tir]
     rays.mask[i] = np.where(is_tir, before, after)
-    if plan.settings.brightness:
-        rays.throughput[i] *= transmittance
 
     event = np.where(is_own, np.where(is_tir, FACE_TIR, FACE_PASS), np.where(is_tir, TIR, PASS))
     rays.add_to_branch(i, patch, event)

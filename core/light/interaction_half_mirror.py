@@ -8,6 +8,7 @@ from .hits import Hits
 from .interaction_mirror import mirrored, surface
 from .meetings import Interaction
 from .plan import Plan
+from .polarisation import Passed
 from .rays import FACE_MIRROR, MIRROR, PASS, Rays
 
 
@@ -16,8 +17,12 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     out, is_own = mirrored(plan, rays.directions[i], hits)
     patch = plan.triangles.patch[hits.triangle]
     for mirror, some in plan.part_of(hits.triangle):
-        shares = mirror.reflectance, mirror.transmittance
-        reflected, transmitted = (np.full(len(some), share) for share in shares)
+        if plan.is_polarised:
+            pairs = mirror.amplitudes
+            reflected, transmitted = (rays.passed(i[some], out[some], *pair) for pair in pairs)
+        else:
+            shares = mirror.reflectance, mirror.transmittance
+            reflected, transmitted = (Passed(np.full(len(some), share)) for share in shares)
         splits, copies = rays.branch_off(i[some], reflected, transmitted, mirror.prefers)
         at = some[splits]
         rays.directions[copies] = normalise(out[at])

@@ -38,7 +38,10 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
         slopes = directions / np.abs(dot(directions, normal))[:, None]
         away = rays.positions[these] - lens.centre
         away -= dot(away, normal)[:, None] * normal
-        rays.directions[these] = normalise(slopes - away / lens.focal_length)
+        out = normalise(slopes - away / lens.focal_length)
+        if plan.is_polarised:
+            rays.pass_on(these, rays.passed(these, out, 1.0, 1.0))
+        rays.directions[these] = out
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], PASS)
 
 

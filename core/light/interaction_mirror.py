@@ -34,6 +34,8 @@ def mirrored(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Bools]
 def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Reflect the rays."""
     out, is_own = mirrored(plan, rays.directions[i], hits)
+    if plan.is_polarised:
+        rays.pass_on(i, rays.passed(i, out, -1.0, 1.0))
     rays.directions[i] = normalise(out)
     event = np.where(is_own, FACE_MIRROR, MIRROR)
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], event)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..base.arrays import Ints
+from ..base.arrays import Floats, Ints
 from ..base.errors import RigError
 from ..base.vectors import dot
 from ..glass.surfaces import Surface, make_surface
@@ -15,7 +15,7 @@ from .meetings import Interaction, key_of_facets
 from .mesh_cache import MeshCache
 from .optics import plane_symmetry
 from .plan import Plan
-from .plate import ArrayFrame, PlatePath, array_frame
+from .plate import ArrayFrame, Crossing, PlatePath, array_frame
 from .rays import PLATE, Rays
 
 # largest distance of a flat part's vertices from its plane, relative to its size
@@ -65,8 +65,10 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     for plate, some in plan.part_of(hits.triangle):
         these = i[some]
         if isinstance(plate, ArrayFrame):
-            _cross_array(plan, plate, rays, these)
+            _cross_array(plan, plate, rays, these, normals[some])
         else:
+            if plan.is_polarised:
+                rays.reference[these] = plane_symmetry(rays.reference[these], normals[some])
             rays.directions[these] = plane_symmetry(rays.directions[these], normals[some])
             rays.plate_path[these] = np.maximum(rays.plate_path[these], PlatePath.IMAGED)
 
@@ -79,14 +81,17 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
         end_beyond_plate(plan, rays, i[clear])
 
 
-def _cross_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
+def _cross_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints, normals: Floats) -> None:
     is_again = rays.has_met_plate[i]
     again = "folded" if rays.light == "reflected" else rays.light
-    for light, some in ((rays.light, i[~is_again]), (again, i[is_again])):
+    for light, of_light in ((rays.light, ~is_again), (again, is_again)):
+        some = i[of_light]
         if not len(some):
             continue
 
         crossing = getattr(array, light)(rays.positions[some], rays.directions[some])
+        if plan.is_polarised:
+            _polarise(rays, some, normals[of_light], crossing)
         rays.positions[some] = crossing.positions
         rays.directions[some] = crossing.directions
 
@@ -94,6 +99,17 @@ def _cross_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
         rays.plate_path[some] = np.where(before > PlatePath.IMAGED, before, crossing.path)
         if plan.settings.brightness:
             rays.throughput[some] *= crossing.throughput
+
+
+def _polarise(rays: Rays, i: Ints, normals: Floats, crossing: Crossing) -> None:
+    """Two mirrors turn polarised light about the normals (n, 3); one reflects it; through light is
+    unchanged.
+    """
+    is_imaged = crossing.path == PlatePath.IMAGED
+    two, others = i[is_imaged], i[~is_imaged]
+    rays.reference[two] = plane_symmetry(rays.reference[two], normals[is_imaged])
+    sign = np.where(crossing.path[~is_imaged] == PlatePath.THROUGH, 1.0, -1.0)
+    rays.pass_on(others, rays.passed(others, crossing.directions[~is_imaged], sign, 1.0))
 
 
 INTERACTION = Interaction(interact, flat_surface, element=element)

@@ -13,7 +13,9 @@ from .rays import MIRROR, Rays
 
 
 def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """Reverse the rays, as ideal corner cubes do; simulated ones scatter."""
+    """Reverse the rays, and act on their polarisation as a mirror; simulated ones scatter."""
+    if plan.is_polarised:
+        rays.pass_on(i, rays.passed(i, -rays.directions[i], -1.0, 1.0))
     rays.directions[i] = -rays.directions[i]
     if rays.light != "imaged":
         normals = plan.triangles.normals[hits.triangle]

@@ -156,14 +156,18 @@ def _make_array(frame: ArrayFrame) -> Made:
     return made
 
 
-def left_out(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
+def left_out(layers: Sequence[PlannedLayer], kind: Ints, is_polarised: bool = False) -> str | None:
     """Why the kernel cannot trace a plan of these layers and parts of kinds (p,); None if it
     can.
     """
-    return Message("not available") if library() is None else _unsupported(layers, kind)
+    if library() is None:
+        return Message("not available")
+    return _unsupported(layers, kind, is_polarised)
 
 
-def _unsupported(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
+def _unsupported(layers: Sequence[PlannedLayer], kind: Ints, is_polarised: bool) -> str | None:
+    if is_polarised:
+        return Message("polarisation")
     if len(layers) > MOST_LAYERS:
         return UNSUPPORTED
     if not np.isin(kind, KINDS).all() or any(
@@ -175,7 +179,7 @@ def _unsupported(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
 
 
 def _make_plan(plan: Plan) -> Made | None:
-    if _unsupported(plan.layers, plan.parts.kind) is not None:
+    if _unsupported(plan.layers, plan.parts.kind, plan.is_polarised) is not None:
         return None
 
     made = Made(PlanStructure)
@@ -295,7 +299,8 @@ def _point_to_layers(made: Made, plan: Plan) -> None:
 
 def prepare_steps(plan: Plan) -> Steps[None]:
     """Make a plan's trees as `made_of` does, with pauses."""
-    if plan not in _plans and left_out(plan.layers, plan.parts.kind) is None:
+    what = plan.layers, plan.parts.kind, plan.is_polarised
+    if plan not in _plans and left_out(*what) is None:
         for held in plan.layers:
             yield from tree_steps(held.layer)
 

@@ -118,7 +118,8 @@ def _ends(
     is_met = n_events > 0
     last = plan.triangles.part[triangle[np.maximum(first[1:] - 1, 0)]] if len(triangle) else part
     ends_there = is_met & ENDS[plan.parts.kind[np.where(is_met, last, 0)]]
-    goes_on = ~has_landed & ~ends_there & (landings.reason != Reason.CUT_OFF)
+    is_over = (landings.reason == Reason.CUT_OFF) | (landings.reason == Reason.BLOCKED)
+    goes_on = ~has_landed & ~ends_there & ~is_over
 
     # the others continue to the plane they pass, or into empty space
     length = np.full(len(at), tails.tail)

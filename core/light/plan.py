@@ -102,11 +102,14 @@ class PlannedDisplay:
     """The display: the number of its first triangle, and its plane, None if not flat.
 
     is_by_glass : it is close enough to glass for coincident hits
+    absorbing : (t, 3) absorbing axis of its polariser at each triangle, 0 if its light is not
+        polarised; None if the plan is not
     """
 
     start: int
     plane: DisplayPlane | None
     is_by_glass: bool = False
+    absorbing: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +186,9 @@ class Tracer(Protocol):
 
     bisect: Callable[["Plan", Halving], Steps[Ends]] | None
 
-    def left_out(self, layers: Sequence[PlannedLayer], kind: Ints) -> Message | None:
+    def left_out(
+        self, layers: Sequence[PlannedLayer], kind: Ints, is_polarised: bool
+    ) -> Message | None:
         """Why it cannot trace these layers and parts of kinds (p,); None if it can."""
 
     def rays_at_once(self, plan: "Plan", most: int) -> int:
@@ -239,8 +244,8 @@ class Plan:
     @property
     def tracer(self) -> Tracer:
         """The first tracer that supports all layers and parts."""
-        kind = self.parts.kind
-        return next(one for one in self.tracers if one.left_out(self.layers, kind) is None)
+        what = self.layers, self.parts.kind, self.is_polarised
+        return next(one for one in self.tracers if one.left_out(*what) is None)
 
     def part_of(self, triangle: Ints) -> Iterator[tuple[Any, Ints]]:
         """Each part hit by rays (n,) at these triangles, as its element, with the indices of its
@@ -259,6 +264,11 @@ class Plan:
     def scatters(self) -> bool:
         """Whether simulated light scatters at a retroreflector, which the kernel leaves out."""
         return any(one.spread or one.pitch for one in self.rig.retroreflectors)
+
+    @property
+    def is_polarised(self) -> bool:
+        """Whether rays carry their polarisation."""
+        return self.display.absorbing is not None
 
     @property
     def has_glass(self) -> bool:

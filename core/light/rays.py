@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from ..base.arrays import Bools, Floats, Ints
 from ..base.messages import Message
 from ..rig.parts import Preference
+from . import polarisation
 from .plate import PlatePath
+from .polarisation import Amplitudes, Passed
 
 Words = NDArray[np.uint64]
 
@@ -235,6 +237,8 @@ class Rays:
         self.rank = np.zeros(n, np.int64)
         self.n_splits = np.zeros(n, np.int64)
 
+        self.row, self.reference = None, None  # polarisation
+
         self.has_met_glass = np.zeros(n, bool)
         self.has_met_plate = np.zeros(n, bool)
         self.plate_path = np.full(n, PlatePath.NONE, np.uint8)
@@ -255,32 +259,66 @@ class Rays:
     def begin_again(self, some: slice, origins: Floats, directions: Floats) -> None:
         """Reset some rays to their initial state."""
         fresh = Rays(origins, directions, None, False, n_copies=self.n_copies)
+        fresh.begin_polarisation(self.row is not None)
         for name, values in fresh._rows().items():
             self._by_copy(getattr(self, name))[:, some] = fresh._by_copy(values)
         if self.is_recorded:
             self._by_copy(self.course)[:, some] = 0
 
+    def begin_polarisation(self, is_polarised: bool) -> None:
+        """Carry the polarisation of rays at their viewer, if a plan needs it."""
+        if is_polarised:
+            self.row, self.reference = polarisation.begin(self.directions)
+
     def branch_off(
-        self, rays: Ints, reflected: Floats, transmitted: Floats, prefers: Preference
+        self, rays: Ints, reflected: Passed, transmitted: Passed, prefers: Preference
     ) -> tuple[Ints, Ints]:
         """Continue rays (n,) as their transmitted light, and their reflected light in copies.
 
         Returns which (m,) of them have a copy, and the copies' rows (m,). Fainter light than
         LEAST_THROUGHPUT ends.
-
-        reflected, transmitted : (n,) shares of the light, 0..1
         """
-        bright = np.flatnonzero(self.throughput[rays] * reflected >= LEAST_THROUGHPUT)
+        bright = np.flatnonzero(self.throughput[rays] * reflected.share >= LEAST_THROUGHPUT)
         splits, copies = self.split(rays[bright])
         splits = bright[splits]
-        self.throughput[copies] *= reflected[splits]
-        self.throughput[rays] *= transmitted
+        self.pass_on(copies, reflected.at(splits))
+        self.pass_on(rays, transmitted)
         self.rank[copies] += prefers == "transmitted"
         self.rank[rays] += prefers == "reflected"
+        self._end_faint(rays)
+        return splits, copies
+
+    def _end_faint(self, rays: Ints) -> Ints:
+        """End rays fainter than LEAST_THROUGHPUT, and return them."""
         faint = rays[self.throughput[rays] < LEAST_THROUGHPUT]
         self.reason[faint] = Reason.BLOCKED
         self.has_ended[faint] = True
-        return splits, copies
+        return faint
+
+    def passed(self, rays: Ints, others: Floats, along: Amplitudes, over: Amplitudes) -> Passed:
+        """Light of rays (n,) after a part: polarised perpendicular to the plane of the ray and of
+        other vectors (n, 3), with one amplitude; in that plane, with another.
+        """
+        directions, reference = self.directions[rays], self.reference[rays]
+        axis = polarisation.across(directions, others, reference)
+        row = polarisation.turned(self.row[rays], reference, directions, axis)
+        return polarisation.passed(row, axis, along, over)
+
+    def pass_on(self, rays: Ints, passed: Passed) -> None:
+        """Continue rays (n,) as light after a part; faint polarised light ends."""
+        self.throughput[rays] *= passed.share
+        if self.row is not None:
+            self.row[rays], self.reference[rays] = passed.row, passed.reference
+            self._end_faint(rays)
+
+    def reach_display(self, rays: Ints, absorbing: Floats) -> None:
+        """Weigh rays (n,) that end on a display by the polarisation of its light.
+
+        absorbing : (n, 3) its polariser's absorbing axes, 0 for light that is not polarised
+        """
+        row = self.passed(rays, absorbing, 1.0, 1.0).row
+        self.throughput[rays] *= row[:, 0] + absorbing.any(axis=1) * row[:, 1]
+        self.xy[self._end_faint(rays)] = np.nan
 
     def split(self, rays: Ints) -> tuple[Ints, Ints]:
         """Split some rays: which (m,) of them (n,) have splits left, and the rows (m,) of the new

@@ -191,6 +191,7 @@ def recording(plan: Plan, origins: Floats, directions: Floats) -> Steps[tuple[La
     n = (1 + plan.n_copies) * len(origins)
     course = np.zeros((n, 8), np.uint64)
     rays = Rays(origins, directions, course, True, n_copies=plan.n_copies)
+    rays.begin_polarisation(plan.is_polarised)
     yield from plan.tracer.follow(plan, rays)
     width = max(1, int(rays.n_words.max(initial=0)))
     return _landings_of(rays), rays.course[rays.is_begun, :width]
@@ -225,6 +226,7 @@ def tracing(
         light reflected by the first plate's face, then folded. The same for ideal plates.
     """
     rays = Rays(origins, directions, course, False, light, plan.n_copies)
+    rays.begin_polarisation(plan.is_polarised)
     yield from plan.tracer.follow(plan, rays, steps)
     landings = _landings_of(rays)
     if steps and plan.n_copies:
@@ -364,7 +366,7 @@ class EventByEvent:
 
     bisect = None
 
-    def left_out(self, layers: Sequence[PlannedLayer], kind: Ints) -> None:
+    def left_out(self, layers: Sequence[PlannedLayer], kind: Ints, is_polarised: bool) -> None:
         """It traces every plan."""
 
     def rays_at_once(self, plan: Plan, most: int) -> int:

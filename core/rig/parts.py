@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
-from ..base.errors import MeshError, RigError, out_of_range
+from ..base.errors import MeshError, RigError, not_finite, out_of_range
 from ..base.messages import quoted
 from .mesh import Mesh
 from .mirror_array import MirrorArray
@@ -142,6 +142,8 @@ class HalfMirror(Part):
 
     reflectance, absorption : 0..1, with a sum of at most 1; the rest of the light is transmitted
     prefers : path of the picture if light arrives by both
+    polarising : reflects s-polarised light and transmits p-polarised light, regardless of its
+        reflectance
     """
 
     name: str
@@ -149,8 +151,21 @@ class HalfMirror(Part):
     reflectance: float = 0.5
     absorption: float = 0.0
     prefers: Preference = "brighter"
+    polarising: bool = False
 
     splits = True
+
+    @property
+    def polarises(self) -> bool:
+        """Whether it treats polarisations differently."""
+        return self.polarising
+
+    @property
+    def amplitudes(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Amplitudes of reflected light, s and p, and of transmitted light."""
+        r, t = np.sqrt((self.reflectance, self.transmittance))
+        most = np.sqrt(1 - self.absorption)
+        return ((-most, 0.0), (0.0, most)) if self.polarising else ((-r, r), (t, t))
 
     @property
     def transmittance(self) -> float:
@@ -219,6 +234,71 @@ class Lens(Part):
 
 
 @dataclass(frozen=True, eq=False)
+class Polariser(Part):
+    """A flat sheet that lets linearly polarised light through.
+
+    angle : rad, of its transmission axis, counterclockwise from the u axis of its UV map, or else
+        from the first edge of its mesh, seen from the front
+    extinction : share of the other polarisation that passes, 0..1
+    """
+
+    name: str
+    mesh: Mesh
+    angle: float = 0.0
+    extinction: float = 0.0
+
+    polarises = True
+
+    @property
+    def axis_angle(self) -> float:
+        """Angle of the absorbing axis, rad."""
+        return self.angle + np.pi / 2
+
+    @property
+    def amplitudes(self) -> tuple[complex, complex]:
+        """Amplitudes of light perpendicular to the absorbing axis, and along it."""
+        return 1.0, self.extinction**0.5
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError for an angle that is not finite, or an impossible extinction."""
+        if not np.isfinite(self.angle):
+            raise not_finite(owner)
+        if not 0 <= self.extinction <= 1:
+            raise out_of_range(owner, "Extinction", self.extinction, 0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class WavePlate(Part):
+    """A flat film that delays light polarised across its fast axis, the same at every incidence.
+
+    retardance : in waves; 0.25 turns linear light at 45 degrees to the axis into circular light
+    angle : rad, of its fast axis, as for a polariser
+    """
+
+    name: str
+    mesh: Mesh
+    retardance: float = 0.25
+    angle: float = 0.0
+
+    polarises = True
+
+    @property
+    def axis_angle(self) -> float:
+        """Angle of the fast axis, rad."""
+        return self.angle
+
+    @property
+    def amplitudes(self) -> tuple[complex, complex]:
+        """Amplitudes of light perpendicular to the fast axis, and along it."""
+        return np.exp(2j * np.pi * self.retardance), 1.0
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError for a retardance or an angle that is not finite."""
+        if not np.isfinite([self.retardance, self.angle]).all():
+            raise not_finite(owner)
+
+
+@dataclass(frozen=True, eq=False)
 class Blocker(Part):
     """A surface that stops light."""
 
@@ -232,6 +312,8 @@ class Display(Part):
 
     width, height : pixels
     black_level : light of a black pixel relative to white, 0 up to below 1
+    polarised : rad, angle of its light's linear polarisation, as for a polariser; None if it is
+        not polarised
     """
 
     name: str
@@ -239,11 +321,19 @@ class Display(Part):
     width: int
     height: int
     black_level: float = 0.0
+    polarised: float | None = None
+
+    @property
+    def polarises(self) -> bool:
+        """Whether the light of any of its displays is polarised."""
+        return any(one.polarised is not None for one in self.parts)
 
     def check_numbers(self, owner: str) -> None:
         """Raise RigError if its black is not darker than its white."""
         if not 0 <= self.black_level < 1:
             raise out_of_range(owner, "Black Level", self.black_level, 0, MOST_BLACK_LEVEL)
+        if self.polarised is not None and not np.isfinite(self.polarised):
+            raise not_finite(owner)
 
     def place(self, uv: Floats) -> Floats:
         """Places (n, 2) of its image, px right and down from the top left corner, at UV (n, 2)."""

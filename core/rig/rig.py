@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import IntEnum
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -31,9 +31,11 @@ from .parts import (
     Picture,
     PicturePlace,
     Plate,
+    Polariser,
     Preference,
     Retroreflector,
     Screen,
+    WavePlate,
 )
 from .roles import Part, Role
 from .viewer import PERPENDICULAR, Projector, Viewer, check_own_images, check_together
@@ -63,6 +65,7 @@ __all__ = [
     "Picture",
     "PicturePlace",
     "Plate",
+    "Polariser",
     "Preference",
     "Projector",
     "Retroreflector",
@@ -71,6 +74,7 @@ __all__ = [
     "Screen",
     "SurfaceChoice",
     "Viewer",
+    "WavePlate",
 ]
 
 
@@ -152,6 +156,15 @@ class Rig:
     lenses: tuple[Lens, ...] = _parts_of(Role(
         "LENS", Message("Lens"), kind=7, number=9, icon="PROP_CON",
         tip="Flat thin lens or Fresnel lens with a focal length",
+    ), ())
+    polarisers: tuple[Polariser, ...] = _parts_of(Role(
+        "POLARISER", Message("Polariser"), kind=8, number=12, icon="ALIGN_JUSTIFY",
+        tip="Flat sheet that lets linearly polarised light through", is_mapped=True,
+    ), ())
+    wave_plates: tuple[WavePlate, ...] = _parts_of(Role(
+        "WAVE_PLATE", Message("Wave Plate"), kind=9, number=13, icon="FORCE_HARMONIC",
+        tip="Flat film that changes the polarisation of light, such as a quarter-wave film",
+        is_mapped=True,
     ), ())
     # fmt: on
 
@@ -264,6 +277,7 @@ class Rig:
 
         check_displays(self.lit)
         self._check_half_mirrors()
+        self._check_edge_on()
         check_together(self.viewers, self.plates, bool(self.mirrors))
         if self.has_own_images:
             check_own_images(self.viewers, self.picture)
@@ -277,6 +291,29 @@ class Rig:
                     "The half mirrors '{one}' and '{other}' face each other: tilt one of them.",
                     one=one.name,
                     other=other.name,
+                )
+
+    @cached_property
+    def is_polarised(self) -> bool:
+        """Whether light depends on its polarisation."""
+        return any(part.polarises for _, part in self.parts())
+
+    def _check_edge_on(self) -> None:
+        """Raise RigError for a viewer in the plane of a polariser or a wave plate, whose axis it
+        cannot see.
+        """
+        films = ((role, one) for role, one in self.parts() if role.name in FILMS)
+        for (role, one), viewer in product(films, self.viewers):
+            corners = one.mesh.corners[0]
+            normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+            sight = viewer.axes[2]
+            if viewer.projection == "perspective":
+                sight = one.mesh.bounds.mean(axis=0) - viewer.position
+            if abs(sight @ normal) < EDGE_ON * np.linalg.norm(sight) * np.linalg.norm(normal):
+                raise RigError(
+                    "{owner} is edge-on to the viewer '{viewer}': turn one of them.",
+                    owner=owner(role, one),
+                    viewer=viewer.name,
                 )
 
     def _check_number_of_parts(self) -> None:
@@ -323,6 +360,8 @@ Kind = IntEnum("Kind", [(role.name, role.kind) for role in MET_ROLES])
 
 
 MOST_PARALLEL = np.cos(np.radians(1.0))
+EDGE_ON = np.sin(np.radians(0.1))
+FILMS = "POLARISER", "WAVE_PLATE"
 
 
 def _face_each_other(one: Mesh, other: Mesh) -> bool:

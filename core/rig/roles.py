@@ -53,6 +53,7 @@ class Part:
 
     name: str
     splits = False  # whether light continues on two paths
+    polarises = False  # whether it polarises light, or depends on its polarisation
 
     def check_numbers(self, owner: str) -> None:
         """Raise RigError for an invalid number, before any mesh is read."""

@@ -328,7 +328,7 @@ def check_kernel(rig: Rig, settings: Settings) -> None:
     """Raise WrongError if the compiled kernel misses a face that numpy hits."""
     size = rig.viewer.width, rig.viewer.height
     plan = compile_plan(rig, settings)
-    if kernel_tracer.left_out(plan.layers, plan.parts.kind) is None:
+    if kernel_tracer.left_out(plan.layers, plan.parts.kind, plan.is_polarised) is None:
         places = np.random.default_rng(0).random((BOTH_WAYS, 2)) * size
         found = find_parted(plan, *rig.viewer.rays(places))
         told = f"of {found.n_rays} rays the kernel leads {found.n_wrong} past a face"

@@ -33,6 +33,8 @@ def test_numbers_stay_as_files_and_the_kernel_have_them():
         (5, "HALF_MIRROR"),
         (6, "RETROREFLECTOR"),
         (7, "LENS"),
+        (8, "POLARISER"),
+        (9, "WAVE_PLATE"),
     ]
     assert Kind.DISPLAY == 4
 
@@ -49,4 +51,6 @@ def test_numbers_stay_as_files_and_the_kernel_have_them():
         9: "LENS",
         10: "SCREEN",
         11: "PROJECTOR",
+        12: "POLARISER",
+        13: "WAVE_PLATE",
     }

@@ -42,7 +42,7 @@ def test_landings_are_those_of_the_sequence(name):
     assert off < TOLERANCE.get(name, 1e-6), off
 
 
-BRIGHTNESS = {"PEPPER": 0.3, "AIRR": 0.25, "I_BALL": 0.5}
+BRIGHTNESS = {"PEPPER": 0.3, "AIRR": 0.25, "AIRR_POLARISED": 1.0, "I_BALL": 0.5}
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -112,6 +112,8 @@ SEQUENCES = {
     "PEPPER": [mirror(0 * X, DIAGONAL)],
     "ANAMORPHOSIS": [column(0.04)],
     "AIRR": [back(0.16 * Y, Y), mirror(0 * X, DIAGONAL)],
+    "AIRR_POLARISED": [back(0.16 * Y, Y), mirror(0 * X, DIAGONAL)],
+    "KOIZUMI_SANO": [mirror(0 * X, Z), plate(0.3 * Y, Y), mirror(0.09 * Z, Z)],
     "ENCHANTABLE": [mirror(0 * X, Z), plate(0.3 * Y, Y)],
     "SCOOPIRIT_ABOVE": [mirror(0 * X, Z), plate(0.3 * Y, Y)],
     "SCOOPIRIT_UNDER": [

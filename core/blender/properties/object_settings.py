@@ -166,7 +166,7 @@ PREFERENCES = (
 
 
 class KirikoElement(bpy.types.PropertyGroup):
-    """Optical numbers of half mirrors, glass that reflects, and lenses."""
+    """Optical numbers of half mirrors, glass that reflects, lenses and polarising parts."""
 
     reflectance: FloatProperty(
         name="Reflectance",
@@ -225,6 +225,43 @@ class KirikoElement(bpy.types.PropertyGroup):
         precision=2,
         step=100,
         unit="CAMERA",
+    )
+    polarising: BoolProperty(
+        name="Reflective Polariser",
+        description="Reflect s-polarised light and transmit the rest, regardless of Reflectance",
+        default=False,
+    )
+    is_polarised: BoolProperty(
+        name="Polarised",
+        description="The light of the display is linearly polarised, as that of an LCD",
+        default=False,
+    )
+    angle: FloatProperty(
+        name="Axis",
+        description="Angle of the transmission axis of a polariser or display, or of the fast axis"
+        " of a wave plate; counterclockwise from the u axis of the UV map, or else from the first"
+        " edge, seen from the front",
+        default=0.0,
+        precision=3,
+        subtype="ANGLE",
+    )
+    extinction: FloatProperty(
+        name="Extinction",
+        description="Share of the other polarisation that passes; 0 for an ideal polariser",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        precision=4,
+        subtype="FACTOR",
+    )
+    retardance: FloatProperty(
+        name="Retardance",
+        description="Delay between the two axes in waves: 0.25 for a quarter-wave film",
+        default=0.25,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
     )
 
 

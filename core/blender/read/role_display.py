@@ -2,6 +2,7 @@
 
 import bpy
 
+from ...base.messages import Message
 from ...rig.joined_display import sections_of, size_of
 from ...rig.rig import Display, Rig
 from ..materials import shaders
@@ -9,12 +10,18 @@ from .part_roles import FoundPart, InBlender, Studio
 from .scene_parts import WorldPart
 from .shapes import ShapeCache
 
+NO_POLARISATION = Message(
+    "The preview differs from Kiriko's result: {why}.",
+    why=Message("Cycles has no polarisation, so its brightness is another"),
+)
+
 
 def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     """A display with its resolution and black level."""
     ours = part.owner.kiriko
-    width, height = ours.resolution
-    return FoundPart(Display(part.name, part.mesh, width, height, ours.display.black_level), [], [])
+    polarised = ours.element.angle if ours.element.is_polarised else None
+    settings = *ours.resolution, ours.display.black_level, polarised
+    return FoundPart(Display(part.name, part.mesh, *settings), [], [])
 
 
 def looks(rig: Rig) -> tuple[dict[str, shaders.ImageLook], list[str]]:
@@ -24,7 +31,7 @@ def looks(rig: Rig) -> tuple[dict[str, shaders.ImageLook], list[str]]:
     return {
         part.name: shaders.ImageLook(part.black_level, *section.window(size))
         for part, section in zip(rig.lit, sections, strict=False)
-    }, []
+    }, [NO_POLARISATION] if rig.is_polarised else []
 
 
 def shade(material: bpy.types.Material, look: shaders.ImageLook, studio: Studio) -> None:

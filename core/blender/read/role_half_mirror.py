@@ -1,6 +1,7 @@
 """Blender's side of a half mirror."""
 
 import bpy
+import numpy as np
 
 from ...rig.rig import HalfMirror, Rig
 from ..materials import shaders
@@ -13,7 +14,8 @@ def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     """A half mirror with its shares of light."""
     ours = part.owner.kiriko.element
     shares = ours.reflectance, ours.absorption
-    return FoundPart(HalfMirror(part.name, part.mesh, *shares, ours.prefers.lower()), [], [])
+    settings = *shares, ours.prefers.lower(), ours.polarising
+    return FoundPart(HalfMirror(part.name, part.mesh, *settings), [], [])
 
 
 def looks(rig: Rig) -> tuple[dict[str, HalfMirror], list[str]]:
@@ -22,8 +24,8 @@ def looks(rig: Rig) -> tuple[dict[str, HalfMirror], list[str]]:
 
 
 def shade(material: bpy.types.Material, look: HalfMirror, studio: Studio) -> None:
-    """Reflect and transmit its shares."""
-    shaders.be_half_mirror(material, look.reflectance, look.transmittance)
+    """Reflect and transmit its shares of unpolarised light."""
+    shaders.be_half_mirror(material, *np.square(look.amplitudes).mean(axis=1))
 
 
 IN_BLENDER = InBlender(read, shade, looks)

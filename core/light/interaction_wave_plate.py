@@ -1,0 +1,7 @@
+"""A wave plate: delays light polarised across its fast axis."""
+
+from .interaction_plate import flat_surface
+from .interaction_polariser import film, interact
+from .meetings import Interaction
+
+INTERACTION = Interaction(interact, flat_surface, element=film)
