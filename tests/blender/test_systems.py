@@ -106,6 +106,62 @@ def test_objects_are_the_parts_and_solve(core, systems, scene, kind):
     assert scene.kiriko.result.coverage > 0.5
 
 
+# display px, 99 % of the light: Cycles meets fine triangles of a curved surface
+CURVED = {"ANAMORPHOSIS": 0.25, "I_BALL": 0.1, "DCRA": 0.1, "RADIAL_DCRA": 0.1}
+
+
+@pytest.mark.parametrize("kind", SYSTEMS)
+def test_cycles_follows_the_same_light(core, scene, kind):
+    """With a sample a pixel Cycles chooses a path wherever light splits, as often as it is bright;
+    each that arrives lands where Kiriko's does, to 0.01 display px. Plates are ideal.
+    """
+    add(kind)
+    for thing in scene.objects:
+        thing.kiriko.plate.model = "IDEAL"
+    scene.kiriko.viewer.kiriko.resolution = (128, 128)
+    reading = core.blender.read.scene.read(bpy.context)
+    found = core.blender.preview.cycles_preview.render_map(scene, reading)
+    size = core.rig.joined_display.size_of(core.rig.joined_display.sections_of(reading.rig.outputs))
+    ours = main_light(core, reading.rig)
+    xy = ours.xy.reshape(128, 128, 2)
+    has_arrived = ours.has_arrived.reshape(128, 128)
+
+    by_cycles = found[..., 2] > 0.5
+    both = by_cycles & has_arrived
+    uv = found[..., :2] * [1, -1] + [0, 1]
+    apart = np.abs(uv * size - xy)[both].max(axis=1)
+    assert np.quantile(apart, 0.99) < CURVED.get(kind, 0.01)
+
+    share = np.where(ours.has_arrived, ours.throughput, 0.0).mean()
+    noise = np.sqrt(share * (1 - share) / has_arrived.size)
+    splits = any(part.splits for _, part in reading.rig.parts())
+    # a ray along the common edge of two triangles meets a portal twice
+    assert by_cycles.mean() == pytest.approx(share, abs=4 * noise if splits else 0.01)
+    assert (by_cycles & ~has_arrived).mean() < 0.002
+
+
+def main_light(core: ModuleType, rig: Any) -> Any:
+    """The main landings of the centres of the viewer's pixels, all light followed."""
+    eye = rig.viewer
+    x, y = np.meshgrid(np.arange(eye.width) + 0.5, np.arange(eye.height) + 0.5)
+    o, d = eye.rays(np.stack([x.ravel(), y.ravel()], axis=1))
+    settings = core.rig.settings.Settings(only_through_glass=False, only_through_plate=False)
+    plan = core.light.compile_plan.compile_plan(rig, settings)
+    return core.light.rays.main_landings(core.light.trace.trace_all(plan, o, d), len(o))
+
+
+def test_light_that_a_half_mirror_absorbs_is_missing_in_cycles(core, scene):
+    """A white display by way of a reflection and a passage: their shares' product."""
+    add("AIRR")
+    (pane,) = (thing for thing in scene.objects if thing.kiriko.role == "HALF_MIRROR")
+    pane.kiriko.element.reflectance, pane.kiriko.element.absorption = 0.5, 0.2
+    scene.kiriko.viewer.kiriko.resolution = (32, 32)
+    reading = core.blender.read.scene.read(bpy.context)
+    white = np.ones((4, 4, 3), np.float32)
+    seen = core.blender.preview.cycles_preview.render_preview(scene, reading, white, samples=64)
+    assert seen[..., :3].mean() == pytest.approx(0.5 * 0.3, abs=0.005)
+
+
 def test_other_rigs_are_made_too(core, systems, scene):
     """Two viewers, off-axis and orthographic, with weights; a plate whose mirrors are turned and
     out of the middle; a picture in the viewer's pixels.

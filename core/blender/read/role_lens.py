@@ -1,8 +1,11 @@
 """Blender's side of a thin lens."""
 
-import bpy
+from typing import NamedTuple
 
-from ...light.interaction_lens import LensFrame, lens_frame
+import bpy
+import numpy as np
+
+from ...light.interaction_lens import lens_frame
 from ...rig.rig import Lens, Rig
 from ..materials import shaders
 from .part_roles import FoundPart, InBlender, Studio
@@ -16,14 +19,23 @@ def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     return FoundPart(Lens(part.name, part.mesh, focal_length), [], [])
 
 
-def looks(rig: Rig) -> tuple[dict[str, LensFrame], list[str]]:
-    """The frames of all lenses."""
-    return {lens.name: lens_frame(lens) for lens in rig.lenses}, []
+class LensLook(NamedTuple):
+    """Centre and focal length of a lens, m."""
+
+    centre: tuple[float, ...]
+    focal_length: float
 
 
-def shade(material: bpy.types.Material, look: LensFrame, studio: Studio) -> None:
+def looks(rig: Rig) -> tuple[dict[str, LensLook], list[str]]:
+    """The centres and focal lengths of all lenses."""
+    frames = {lens.name: lens_frame(lens) for lens in rig.lenses}
+    return {name: LensLook(tuple(f.centre), f.focal_length) for name, f in frames.items()}, []
+
+
+def shade(material: bpy.types.Material, look: LensLook, studio: Studio) -> None:
     """Bend light by the paraxial law."""
-    shaders.be_lens(material, look.centre / studio.metres, look.focal_length / studio.metres)
+    centre = np.array(look.centre) / studio.metres
+    shaders.be_lens(material, centre, look.focal_length / studio.metres)
 
 
 IN_BLENDER = InBlender(read, shade, looks)
