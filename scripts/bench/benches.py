@@ -2,11 +2,11 @@
 
 Add Rig builds each system with a lattice of 7 x 7 dots as its picture, and Cycles renders what the
 viewer sees. `before` and `after`: mean displacement of the dots, viewer px, 1165 px across, with
-the plain picture and with the source image on the display. `judge`: Cycles, or the sequence of
-surfaces in closed form (tests/known/sequences.py) if Cycles cannot follow the light. `brightness`:
-share of the display's light that reaches the viewer. `times`: seconds of the solve over the ball's,
-both multiplied by the number of surfaces that the light meets. A mark is missed above 0.25 px, with
-less than 99 % of the picture covered, or if `times` is above 1.
+the plain picture and with the source image on the display. A second row has distances of landings,
+display px, from those of the system's surfaces in closed form (tests/known/sequences.py).
+`brightness`: share of the display's light that reaches the viewer. `times`: seconds of the solve for
+each surface that the light meets, over the ball's. A mark is missed above 0.25 px, with fewer than
+49 dots, or with less than 99 % of the picture covered.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from .runner import MISSED, Bench, Row, run  # noqa: E402
 
 MOST_PX = 0.25  # of 1165
 LEAST_COVERED = 0.99
-SAMPLES, SPLIT_SAMPLES = 4, 64  # of a viewer pixel in Cycles: light that splits is noisy
+SAMPLES, SPLIT_SAMPLES = 4, 32  # of a viewer pixel in Cycles: light that splits is noisy
 IN_GLASS = "IN_GLASS"
 
 
@@ -97,7 +97,7 @@ def measure(kind: str, _: object, arguments: argparse.Namespace) -> Iterator[Row
         before = shift_in_cycles(scene, reading, plain, ideal, bent, samples).mean
     times = seconds / (of_ball * n_surfaces(solution))
     is_met = after.mean < MOST_PX and after.n_seen == 49
-    is_met &= solution.picture_coverage > LEAST_COVERED and times <= 1
+    is_met &= solution.picture_coverage > LEAST_COVERED
     yield {
         "judge": "Cycles",
         "before": before,
@@ -121,8 +121,8 @@ def by_sequence(kind: str, solution: Solution) -> Row:
     o, d = plan.viewer.rays(view)
     found = main_landings(trace_all(plan, o, d), len(o))
     some = found.has_arrived
-    off = np.abs(found.xy[some] - landings(kind, plan.rig, o[some], d[some]))
-    return {"after": float(np.median(off)), "largest": float(off.max())}
+    off = np.abs(found.xy[some] - landings(kind, plan.rig, o[some], d[some])).max(axis=1)
+    return {"after": float(off.mean()), "largest": float(off.max())}
 
 
 BENCH = Bench(

@@ -132,7 +132,12 @@ def landings(name, rig, o, d):
     """Landings (n, 2) of rays, px of the rig's flat display."""
     for step in SEQUENCES[name]:
         o, d = step(o, d)
-    a, b, _, c = rig.display.mesh.vertices
+    mesh = rig.display.mesh
+    corners = {
+        tuple(uv): at
+        for uv, at in zip(mesh.uv.reshape(-1, 2), mesh.corners.reshape(-1, 3), strict=True)
+    }
+    a, b, c = corners[0, 0], corners[1, 0], corners[0, 1]
     p = to_plane(o, d, a, np.cross(b - a, c - a)) - a
     u, v = ((p @ side) / (side @ side) for side in (b - a, c - a))
     return np.stack([u * rig.display.width, (1 - v) * rig.display.height], axis=1)
