@@ -135,8 +135,9 @@ def test_cycles_follows_the_same_light(core, scene, kind):
     share = np.where(ours.has_arrived, ours.throughput, 0.0).mean()
     noise = np.sqrt(share * (1 - share) / has_arrived.size)
     splits = any(part.splits for _, part in reading.rig.parts())
-    # a ray along the common edge of two triangles meets a portal twice
-    assert by_cycles.mean() == pytest.approx(share, abs=4 * noise if splits else 0.01)
+    if not reading.rig.is_polarised:  # Cycles has no polarisation
+        # a ray along the common edge of two triangles meets a portal twice
+        assert by_cycles.mean() == pytest.approx(share, abs=4 * noise if splits else 0.01)
     assert (by_cycles & ~has_arrived).mean() < 0.002
 
 

@@ -91,6 +91,8 @@ def _be_part(made: Workbench, thing: bpy.types.Object, role: Role, part: Any) ->
     elif role.name in {"DISPLAY", "SCREEN"}:
         be_display(made, thing, (part.width, part.height))
         ours.display.black_level = part.black_level
+        ours.element.is_polarised = part.polarised is not None
+        ours.element.angle = part.polarised or 0.0
     elif role.name == "PLATE":
         be_plate(made, thing)
         if part.array is not None:

@@ -21,6 +21,8 @@ COLOURS = {
     "HALF_MIRROR": (0.5, 0.7, 0.8, 0.35),
     "RETROREFLECTOR": (0.35, 0.35, 0.4, 1.0),
     "LENS": (0.7, 0.85, 1.0, 0.35),
+    "POLARISER": (0.3, 0.3, 0.35, 0.5),
+    "WAVE_PLATE": (0.9, 0.85, 0.7, 0.3),
     "BLOCKER": (0.05, 0.05, 0.05, 1.0),
 }
 IN_PORTALS = {"RETROREFLECTOR", "LENS"}  # drawn black by EEVEE
