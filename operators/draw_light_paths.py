@@ -6,18 +6,10 @@ import bpy
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
-from ..core.base.steps import Steps, hold_progress
+from ..core.base.steps import hold_progress
 from ..core.bench.sketch import size_of, spread_paths
 from ..core.blender.result.light_path_curves import draw_paths
-from ..core.light.light_paths import LightPath
-from ..core.rig.rig import Rig
-from ..core.rig.settings import Settings
 from . import long_work, needed, work
-
-
-def followed_paths(rig: Rig, settings: Settings, count: int) -> Steps[list[LightPath]]:
-    """Follow rays spread over the picture through a rig, with the session's glass."""
-    return (yield from spread_paths(work.session().plan(rig, settings), count))
 
 
 class KIRIKO_OT_draw_light_paths(long_work.LongWork, bpy.types.Operator):
@@ -43,8 +35,8 @@ class KIRIKO_OT_draw_light_paths(long_work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
         rig = work.read(context).rig
-        settings = work.settings_of(scene)
-        paths = yield from hold_progress(0.0, followed_paths(rig, settings, self.count))
+        plan = work.session().plan(rig, work.settings_of(scene))
+        paths = yield from hold_progress(0.0, spread_paths(plan, self.count))
         if not paths:
             raise RigError(
                 "The viewer '{viewer}' can't see the picture: turn it towards the picture.",

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..core.base.errors import KirikoError, one_line
 from ..core.base.fingerprint import fingerprint
 from ..core.base.messages import Message
+from ..core.bench.sketch import spread_paths
 from ..core.blender.data.rigs import rig_uid
 from ..core.blender.read.nested_glass import reasons
 from ..core.blender.read.scene import Reading
@@ -38,7 +39,6 @@ from ..core.solve.first_picture import coarser, enlarged, has_coarse
 from ..core.solve.memory import check_memory
 from . import compared, work
 from .chosen import chosen_settings, uid
-from .draw_light_paths import followed_paths
 from .remedies import remedies_for
 from .reporting import in_words
 from .viewer_reports import reports_of
@@ -337,7 +337,8 @@ class Live:
         """Draw the light paths again if there are any."""
         count = drawn_count(scene_by_uid(self.uid))
         if count:
-            paths = yield from self._stepped(PATHS, followed_paths(rig, settings, count))
+            plan = work.session().plan(rig, settings)
+            paths = yield from self._stepped(PATHS, spread_paths(plan, count))
             update_paths(scene_by_uid(self.uid), paths)
 
     def _solve(
