@@ -4,8 +4,8 @@ Add Rig builds each system with a lattice of 7 x 7 dots as its picture, and Cycl
 viewer sees. `before` and `after`: mean displacement of the dots, viewer px, 1165 px across, with
 the plain picture and with the source image on the display. A second row has distances of landings,
 display px, from those of the system's surfaces in closed form (tests/known/sequences.py).
-`brightness`: share of the display's light that reaches the viewer. `times`: seconds of the solve per
-surface that the light meets, over the ball's. A mark is missed above 0.25 px, with fewer than 49
+`brightness`: share of the display's light that reaches the viewer. `times`: seconds per surface
+that its light meets, over the ball's. A mark is missed above 0.25 px, with fewer than 49
 dots, or with less than 99 % of the picture covered.
 """
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.bench.systems import SYSTEMS
+from kiriko.core.bench.systems import SYSTEMS, viewer
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.plate import array_frame
 from kiriko.core.light.rays import main_landings
@@ -13,7 +13,7 @@ from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import MirrorArray, Plate
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import lattice_image, rectangle
-from known.sequences import SEQUENCES, landings
+from known.sequences import SEQUENCES, ball, landings, lens, mirror, to_plane
 from known.work import solve
 
 X, Y, Z = np.eye(3)
@@ -69,6 +69,29 @@ def test_a_table_reflects_by_fresnel():
     s, p = (c1 - 1.5 * c2) / (c1 + 1.5 * c2), (1.5 * c1 - c2) / (1.5 * c1 + c2)
     assert split.brightness == pytest.approx((s**2 + p**2) / 2, rel=0.1)
     assert split.stray == 0
+
+
+def test_the_camera_of_the_ball_sees_its_picture():
+    """By the half mirror, up through the lens into the ball: its rays meet the picture's plane
+    where the sequence of surfaces says.
+    """
+    a_rig = SYSTEMS["I_BALL"].make()
+    middle = a_rig.half_mirrors[0].mesh.vertices.mean(axis=0)
+    camera = viewer(middle + 0.25 * Y, middle, 0.02)
+    wall = replace(a_rig.display, mesh=rectangle(0 * X, X, -Y, 0.06, 0.06))
+    a_rig = replace(a_rig, viewers=(camera,), displays=(wall,))
+    o, d = camera.rays(np.random.default_rng(0).uniform(0, 512, (400, 2)))
+    found = main_landings(trace_all(compile_plan(a_rig, Settings()), o, d), len(o))
+    assert found.has_arrived.all()
+    n1, n2 = 1, 1.49
+    up = [
+        mirror(middle, Y + Z), lens(-0.12 * Z, Z, 0.08), ball(0.05, n1, n2, True),
+        ball(0.047, n2, n1, True),
+    ]  # fmt: skip
+    for step in up:
+        o, d = step(o, d)
+    at = to_plane(o, d, 0 * X, Z)
+    assert np.abs(found.positions - at).max() < 1e-5  # m
 
 
 @pytest.mark.parametrize("degrees", [5, 20, 35, 50])
