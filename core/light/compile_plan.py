@@ -163,13 +163,7 @@ def compile_plan_steps(
     features = _features(parts, layers, media, is_clear, settings, is_polarised)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
     by_display = boxes_touch(boxes, NEAR * merge_distance)[-1, : len(solids)]
-    for solid, is_near in zip(parts.solids, by_display, strict=True):
-        if is_near and solid.glass.reflects:
-            raise RigError(
-                "The glass '{glass}' touches the display, where its reflection has no path: leave a"
-                " gap, or turn off Use Reflection.",
-                glass=solid.glass.name,
-            )
+    _check_reflecting(parts, by_display)
 
     return Plan(
         rig=rig,
@@ -198,6 +192,17 @@ def compile_plan_steps(
         tracers=TRACERS,
         n_copies=MOST_COPIES * any(part.splits for _, part in rig.parts()),
     )
+
+
+def _check_reflecting(parts: RigParts, by_display: Bools) -> None:
+    """Raise RigError for reflecting glass among the solids (s,) that touch the display."""
+    for solid, is_near in zip(parts.solids, by_display, strict=True):
+        if is_near and solid.glass.reflects:
+            raise RigError(
+                "The glass '{glass}' touches the display, where its reflection has no path: leave a"
+                " gap, or turn off Use Reflection.",
+                glass=solid.glass.name,
+            )
 
 
 def _make_layers(

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Ints, take
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.vectors import dot, normalise
 from .hits import Hits
 from .meetings import Interaction, shading_normals
@@ -50,14 +50,9 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     transmitted, reflected = Passed(transmittance), Passed(1 - transmittance)
     if plan.is_polarised:
         normals = np.where(wrong[:, None], geometric, shading)
-        s, p = reflection(directions, normals, n1, n2)
-        reflected = rays.passed(i, normals, s, p)
-        # what is not reflected passes, without a change of phase
-        s, p = (np.where(is_tir, r, np.sqrt(np.maximum(1 - np.abs(r) ** 2, 0))) for r in (s, p))
-        transmitted = rays.passed(i, normals, s, p)
+        transmitted, reflected = _polarise(rays, i, normals, (n1, n2), is_tir)
 
-    splitting = [] if not plan.n_copies else plan.part_of(hits.triangle)
-    for glass, some in splitting:
+    for glass, some in plan.part_of(hits.triangle) if plan.n_copies else ():
         some = some[~is_tir[some]]
         if not (glass.splits and len(some)):
             continue
@@ -70,8 +65,7 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
         rays.directions[copies] = normalise(mirrored)
         rays.last_part[copies] = part[at]
         rays.mask[copies] = before[at]
-        event = np.where(is_own[at] | wrong, FACE_TIR, TIR)
-        rays.add_to_branch(copies, patch[at], event)
+        rays.add_to_branch(copies, patch[at], np.where(is_own[at] | wrong, FACE_TIR, TIR))
         transmitted.share[some] = 1.0  # it counts already
 
     if plan.settings.brightness or plan.is_polarised:
@@ -83,6 +77,16 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
 
     event = np.where(is_own, np.where(is_tir, FACE_TIR, FACE_PASS), np.where(is_tir, TIR, PASS))
     rays.add_to_branch(i, patch, event)
+
+
+def _polarise(
+    rays: Rays, i: Ints, normals: Floats, indices: tuple[Floats, Floats], is_tir: Bools
+) -> tuple[Passed, Passed]:
+    """Light that goes on, and reflected light, of polarised rays; all is reflected if `is_tir`."""
+    reflected = reflection(rays.directions[i], normals, *indices)
+    # the rest passes, without a change of phase
+    passed = (np.where(is_tir, r, np.sqrt(np.maximum(1 - np.abs(r) ** 2, 0))) for r in reflected)
+    return rays.passed(i, normals, *passed), rays.passed(i, normals, *reflected)
 
 
 def _cross_faces(

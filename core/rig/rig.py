@@ -309,7 +309,7 @@ class Rig:
             sight = viewer.axes[2]
             if viewer.projection == "perspective":
                 sight = one.mesh.bounds.mean(axis=0) - viewer.position
-            if abs(sight @ normal) < EDGE_ON * np.linalg.norm(sight) * np.linalg.norm(normal):
+            if abs(sight @ normal) < EDGE_ON_SINE * np.linalg.norm(sight) * np.linalg.norm(normal):
                 raise RigError(
                     "{owner} is edge-on to the viewer '{viewer}': turn one of them.",
                     owner=owner(role, one),
@@ -360,7 +360,7 @@ Kind = IntEnum("Kind", [(role.name, role.kind) for role in MET_ROLES])
 
 
 MOST_PARALLEL = np.cos(np.radians(1.0))
-EDGE_ON = np.sin(np.radians(0.1))
+EDGE_ON_SINE = np.sin(np.radians(0.1))
 FILMS = "POLARISER", "WAVE_PLATE"
 
 

@@ -123,6 +123,7 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "picture gamma": lambda rig: setattr(rig["PICTURE"].kiriko.picture, "gamma", 1.1),
     "picture black level": lambda rig: setattr(rig["PICTURE"].kiriko.picture, "black_level", 0.1),
     "black level": lambda rig: setattr(rig["DISPLAY"].kiriko.display, "black_level", 0.01),
+    "polarised display": lambda rig: setattr(rig["DISPLAY"].kiriko.element, "is_polarised", True),
     "offset": lambda rig: setattr(ours().calibration, "offset", '[{"Cube: shift x": 0.1}]'),
     "role": lambda rig: setattr(rig["PLATE"].kiriko, "role", "MIRROR"),
     "new part": lambda rig: setattr(
