@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import new_object, primitive, small_rig
 
 RIGHT = np.radians(90)
@@ -84,3 +85,20 @@ def test_a_reflective_polariser_is_a_half_mirror(core, scene, objects):
     (mirror,) = core.blender.read.scene.read(bpy.context).rig.half_mirrors
     assert mirror.polarising
     assert replace(mirror, polarising=False).amplitudes != mirror.amplitudes
+
+
+@pytest.mark.parametrize("kind", ["AIRR_POLARISED", "KOIZUMI_SANO"])
+def test_systems_made_of_objects_polarise_as_in_core(core, scene, kind):
+    """Axes survive the way into objects and back: the same rays are as bright."""
+    assert bpy.ops.kiriko.add_rig(kind=kind) == {"FINISHED"}
+    made = core.blender.read.scene.read(bpy.context).rig
+    expected = loaded("core.bench.systems").SYSTEMS[kind].make()
+    xy = np.random.default_rng(0).uniform(0.4, 0.6, (200, 2)) * expected.viewer.width
+    shares = []
+    for a_rig in (made, expected):
+        plan = core.light.compile_plan.compile_plan(a_rig, core.rig.settings.Settings())
+        found = core.light.trace.trace_all(plan, *expected.viewer.rays(xy))
+        shares.append(np.zeros(200))
+        np.maximum.at(shares[-1], found.sample, found.throughput * found.has_arrived)
+    assert shares[1].mean() > 0.1
+    np.testing.assert_allclose(*shares, rtol=1e-3)

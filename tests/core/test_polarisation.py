@@ -17,6 +17,7 @@ from kiriko.core.rig.rig import (
     Kind,
     Mesh,
     Mirror,
+    MirrorArray,
     Plate,
     Polariser,
     Retroreflector,
@@ -250,6 +251,24 @@ def test_rows_backward_are_fields_forward():
             shares.append(expected)
     assert len(shares) > 40
     assert np.ptp(shares) > 0.01
+
+
+def test_mirrors_of_a_plate_polarise_as_the_ideal_plate():
+    """Imaged light has two reflections at right angles, which turn it about the plate's normal."""
+    sheet = Polariser("sheet", rectangle(-0.5 * Y, X, Z, 0.3, 0.3), 0.3)
+    shown = replace(BASE.displays[0], polarised=0.5)
+    o, d = BASE.viewer.rays(np.random.default_rng(1).uniform(16, 48, (300, 2)))
+    settings = Settings(only_through_glass=False, brightness=True)
+    shares = []
+    for array in (None, MirrorArray(reflectance=1.0, has_fresnel=False)):
+        plates = tuple(replace(one, array=array) for one in BASE.plates)
+        plain = replace(BASE, glasses=(), plates=plates)
+        films = replace(plain, polarisers=(sheet,), displays=(shown,))
+        found = [trace_all(compile_plan(one, settings), o, d) for one in (plain, films)]
+        assert all(one.has_arrived.all() for one in found)
+        shares.append(found[1].throughput / found[0].throughput)
+    assert np.ptp(shares[0]) > 1e-4
+    np.testing.assert_allclose(shares[1], shares[0], atol=1e-12)
 
 
 def brightness(kind, **changes):
