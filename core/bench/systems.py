@@ -251,7 +251,7 @@ def airr() -> Rig:
 def airr_polarised() -> Rig:
     """AIRR without the losses of its half mirror."""
     base = airr()
-    film = WavePlate("Quarter-Wave Film", panel(0.159 * Y, X, Z, 0.3, 0.3), 0.25, np.pi / 4)
+    film = WavePlate("Quarter-Wave Film", panel(0.159 * Y, X, Z, 0.3, 0.3), np.pi / 4)
     splitter = replace(base.half_mirrors[0], polarising=True)
     shown = replace(base.displays[0], polarised=0.0)
     return replace(base, half_mirrors=(splitter,), wave_plates=(film,), displays=(shown,))
@@ -286,7 +286,7 @@ def koizumi_sano() -> Rig:
     mirror = Mirror("Mirror", panel([0, 0.46, height], X, Y, 0.4, 0.3))
     # at 45 degrees to the display's polarisation, as the middle ray sees it
     turn = np.arctan2(np.hypot(1, 0.7), 0.7)
-    film = WavePlate("Wave Plate", panel([0, 0.46, height + 1e-3], X, Y, 0.4, 0.3), 0.25, turn)
+    film = WavePlate("Wave Plate", panel([0, 0.46, height + 1e-3], X, Y, 0.4, 0.3), turn)
     sheet = Polariser("Polariser", panel([0, 0.29, 0.08], X, Z, 0.4, 0.36))
     return replace(
         base,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints
 from ..glass.surfaces import Surface
-from ..rig.rig import Polariser, WavePlate
+from ..rig.parts import Film
 from .hits import Hits
 from .interaction_plate import flat_surface
 from .meetings import Interaction
@@ -19,10 +19,10 @@ from .polarisation import axes_of
 from .rays import PASS, Rays
 
 
-class Film(NamedTuple):
+class PlacedFilm(NamedTuple):
     """A thin polarising part in place.
 
-    axis : (3,) unit, in its plane
+    axis : (3,) unit, in its plane: a polariser's absorbing, a wave plate's fast axis
     over, along : complex amplitudes of light polarised perpendicular to the axis, and along it
     """
 
@@ -31,10 +31,10 @@ class Film(NamedTuple):
     along: complex
 
 
-def film(part: Polariser | WavePlate, surface: Surface) -> Film:
-    """The axis and amplitudes of a part."""
-    axes = axes_of(part.mesh, surface.normals, part.axis_angle)
-    return Film(axes[0], *part.amplitudes)
+def placed_film(film: Film, surface: Surface) -> PlacedFilm:
+    """The extraordinary axis and the amplitudes of a part."""
+    axes = axes_of(film.mesh, surface.normals, film.angle + film.crossed)
+    return PlacedFilm(axes[0], *film.amplitudes)
 
 
 def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
@@ -45,4 +45,4 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], PASS)
 
 
-INTERACTION = Interaction(interact, flat_surface, element=film)
+INTERACTION = Interaction(interact, flat_surface, element=placed_film)

@@ -48,27 +48,25 @@ def begin(directions: Floats) -> tuple[Floats, Floats]:
     return np.tile([1.0, 0.0, 0.0, 0.0], (len(directions), 1)), reference
 
 
-def across(directions: Floats, others: Floats, reference: Floats) -> Floats:
-    """Unit vectors (n, 3) perpendicular to directions (n, 3) and to others; parallel ones have the
-    reference.
+def passed(
+    row: Floats,
+    reference: Floats,
+    directions: Floats,
+    others: Floats,
+    along: Amplitudes,
+    over: Amplitudes,
+) -> Passed:
+    """Light of rays (n,) after a part, with one amplitude along the axis perpendicular to the ray
+    and to another vector (n, 3), and one across it; the reference is the axis if both are parallel.
     """
     axis = np.cross(directions, others)
     is_defined = length_of(axis) > ALONG_NORMAL
-    return np.where(is_defined[:, None], normalise(axis), reference)
+    axis = np.where(is_defined[:, None], normalise(axis), reference)
+    turn = dot(reference, axis) + 1j * dot(np.cross(reference, directions), axis)
+    i, v = row[:, 0], row[:, 3]
+    linear = (row[:, 1] + 1j * row[:, 2]) * np.conj(turn / np.abs(turn)) ** 2
+    q, u = linear.real, linear.imag
 
-
-def turned(row: Floats, reference: Floats, directions: Floats, axis: Floats) -> Floats:
-    """Rows (n, 4) in the frame of another axis (n, 3)."""
-    angle = dot(reference, axis) + 1j * dot(np.cross(reference, directions), axis)
-    linear = (row[:, 1] + 1j * row[:, 2]) * np.conj(angle / np.abs(angle)) ** 2
-    return np.stack([row[:, 0], linear.real, linear.imag, row[:, 3]], axis=1)
-
-
-def passed(row: Floats, axis: Floats, along: Amplitudes, over: Amplitudes) -> Passed:
-    """Light of rows (n, 4), in the frame of an axis (n, 3), after a part with amplitudes along the
-    axis and across it.
-    """
-    i, q, u, v = row.T
     powers = np.abs(along) ** 2, np.abs(over) ** 2
     mean, half = (powers[0] + powers[1]) / 2, (powers[0] - powers[1]) / 2
     rest = (u + 1j * v) * along * np.conj(over)

@@ -296,13 +296,9 @@ class Rays:
         return faint
 
     def passed(self, rays: Ints, others: Floats, along: Amplitudes, over: Amplitudes) -> Passed:
-        """Light of rays (n,) after a part: polarised perpendicular to the plane of the ray and of
-        other vectors (n, 3), with one amplitude; in that plane, with another.
-        """
-        directions, reference = self.directions[rays], self.reference[rays]
-        axis = polarisation.across(directions, others, reference)
-        row = polarisation.turned(self.row[rays], reference, directions, axis)
-        return polarisation.passed(row, axis, along, over)
+        """Light of rays (n,) after a part, as `polarisation.passed`."""
+        state = self.row[rays], self.reference[rays], self.directions[rays]
+        return polarisation.passed(*state, others, along, over)
 
     def pass_on(self, rays: Ints, passed: Passed) -> None:
         """Continue rays (n,) as light after a part; faint polarised light ends."""

@@ -234,68 +234,65 @@ class Lens(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Polariser(Part):
-    """A flat sheet that lets linearly polarised light through.
+class Film(Part):
+    """A flat thin part that polarises light.
 
-    angle : rad, of its transmission axis, counterclockwise from the u axis of its UV map, or else
-        from the first edge of its mesh, seen from the front
-    extinction : share of the other polarisation that passes, 0..1
+    angle : rad, of its axis, counterclockwise from the u axis of its UV map, or else from the first
+        edge of its mesh, seen from the front
     """
 
     name: str
     mesh: Mesh
     angle: float = 0.0
-    extinction: float = 0.0
 
     polarises = True
-
-    @property
-    def axis_angle(self) -> float:
-        """Angle of the absorbing axis, rad."""
-        return self.angle + np.pi / 2
+    crossed = 0.0  # rad, from this axis to the extraordinary one
 
     @property
     def amplitudes(self) -> tuple[complex, complex]:
-        """Amplitudes of light perpendicular to the absorbing axis, and along it."""
+        """Amplitudes of light perpendicular to the extraordinary axis, and along it."""
+        raise NotImplementedError
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError for a number that is not finite."""
+        if not np.isfinite([self.angle, *self.amplitudes]).all():
+            raise not_finite(owner)
+
+
+@dataclass(frozen=True, eq=False)
+class Polariser(Film):
+    """A sheet that transmits light polarised along its axis.
+
+    extinction : share of the other polarisation that passes, 0..1
+    """
+
+    extinction: float = 0.0
+
+    crossed = np.pi / 2
+
+    @property
+    def amplitudes(self) -> tuple[complex, complex]:
         return 1.0, self.extinction**0.5
 
     def check_numbers(self, owner: str) -> None:
-        """Raise RigError for an angle that is not finite, or an impossible extinction."""
-        if not np.isfinite(self.angle):
-            raise not_finite(owner)
+        """Raise RigError for a number out of bounds."""
+        super().check_numbers(owner)
         if not 0 <= self.extinction <= 1:
             raise out_of_range(owner, "Extinction", self.extinction, 0, 1)
 
 
 @dataclass(frozen=True, eq=False)
-class WavePlate(Part):
-    """A flat film that delays light polarised across its fast axis, the same at every incidence.
+class WavePlate(Film):
+    """A film that delays light polarised across its fast axis, the same at every incidence.
 
     retardance : in waves; 0.25 turns linear light at 45 degrees to the axis into circular light
-    angle : rad, of its fast axis, as for a polariser
     """
 
-    name: str
-    mesh: Mesh
     retardance: float = 0.25
-    angle: float = 0.0
-
-    polarises = True
-
-    @property
-    def axis_angle(self) -> float:
-        """Angle of the fast axis, rad."""
-        return self.angle
 
     @property
     def amplitudes(self) -> tuple[complex, complex]:
-        """Amplitudes of light perpendicular to the fast axis, and along it."""
         return np.exp(2j * np.pi * self.retardance), 1.0
-
-    def check_numbers(self, owner: str) -> None:
-        """Raise RigError for a retardance or an angle that is not finite."""
-        if not np.isfinite([self.retardance, self.angle]).all():
-            raise not_finite(owner)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from .parts import (
     Blocker,
     ConstantIndex,
     Display,
+    Film,
     Glass,
     HalfMirror,
     Index,
@@ -302,7 +303,7 @@ class Rig:
         """Raise RigError for a viewer in the plane of a polariser or a wave plate, whose axis it
         cannot see.
         """
-        films = ((role, one) for role, one in self.parts() if role.name in FILMS)
+        films = ((role, one) for role, one in self.parts() if isinstance(one, Film))
         for (role, one), viewer in product(films, self.viewers):
             corners = one.mesh.corners[0]
             normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
@@ -361,7 +362,6 @@ Kind = IntEnum("Kind", [(role.name, role.kind) for role in MET_ROLES])
 
 MOST_PARALLEL = np.cos(np.radians(1.0))
 EDGE_ON_SINE = np.sin(np.radians(0.1))
-FILMS = "POLARISER", "WAVE_PLATE"
 
 
 def _face_each_other(one: Mesh, other: Mesh) -> bool:

@@ -267,7 +267,7 @@ def test_mirrors_of_a_plate_polarise_as_the_ideal_plate():
         found = [trace_all(compile_plan(one, settings), o, d) for one in (plain, films)]
         assert all(one.has_arrived.all() for one in found)
         shares.append(found[1].throughput / found[0].throughput)
-    assert np.ptp(shares[0]) > 1e-4
+    assert shares[0].max() < 0.97
     np.testing.assert_allclose(shares[1], shares[0], atol=1e-12)
 
 
@@ -330,7 +330,7 @@ def test_other_rigs_carry_no_polarisation():
     assert not plan.is_polarised
     o, d = BASE.viewer.rays(np.random.default_rng(0).uniform(0, 64, (500, 2)))
     assert Rays(o, d, None, False).row is None
-    plate = WavePlate("film", rectangle(-0.5 * Y, X, Z, 1, 1), 0.0)
+    plate = WavePlate("film", rectangle(-0.5 * Y, X, Z, 1, 1), 0.0, 0.0)
     carried = compile_plan(replace(BASE, wave_plates=(plate,)), Settings())
     assert "polarisation" in carried.used
     assert any("compiled kernel (polarisation)" in str(name) for name in carried.left_out)
@@ -349,6 +349,6 @@ def test_impossible_films_are_one_sentence():
     with pytest.raises(RigError, match="'sheet' is not a flat plane: replace it"):
         compile_plan(rig(polarisers=(Polariser("sheet", bent),)), SETTINGS)
     with pytest.raises(RigError, match="wave plate 'film' has a number that is not finite"):
-        rig(wave_plates=(WavePlate("film", flat, float("nan")),)).check()
+        rig(wave_plates=(WavePlate("film", flat, 0.0, float("nan")),)).check()
     with pytest.raises(RigError, match="Extinction 2: set it from 0 to 1"):
         rig(polarisers=(Polariser("sheet", flat, 0.0, 2.0),)).check()

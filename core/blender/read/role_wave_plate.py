@@ -12,7 +12,7 @@ from .shapes import ShapeCache
 def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     """A wave plate with its retardance and axis."""
     ours = part.owner.kiriko.element
-    return FoundPart(WavePlate(part.name, part.mesh, ours.retardance, ours.angle), [], [])
+    return FoundPart(WavePlate(part.name, part.mesh, ours.angle, ours.retardance), [], [])
 
 
 def shade(material: bpy.types.Material, look: None, studio: Studio) -> None:
