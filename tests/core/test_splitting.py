@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import run_steps
+from kiriko.core.image.glare import trace_stray_light
+from kiriko.core.image.simulation import OTHER_PATH, simulate
 from kiriko.core.light.compile_plan import MOST_COPIES, compile_plan
 from kiriko.core.light.rays import main_landings
 from kiriko.core.light.trace import recording, trace_all, tracing
@@ -234,3 +236,19 @@ def test_random_benches_have_the_same_light_with_and_without_the_kernel(seed):
         a, b = (getattr(some, name)[is_same].astype(float) for some in (one, other))
         off = np.abs(a - b)
         assert np.nanquantile(off, 0.97) < 1e-6 if np.isfinite(off).any() else True, name
+
+
+def test_simulation_adds_up_all_paths_and_names_the_other():
+    """A pane before a white display that fills the view: light arrives straight, and by a mirror
+    over the pane; each path has its share of white.
+    """
+    a_rig = panes(1, reflectance=0.3)
+    wide = replace(a_rig.display, mesh=rectangle(Y, X, Z, 9, 9), width=8, height=8)
+    side = Mirror("side", rectangle(-0.5 * Y + Z, X, Y + Z, 1, 1))
+    a_rig = replace(a_rig, glasses=(), plates=(), displays=(wide,), mirrors=(side,))
+    plan = compile_plan(a_rig, SETTINGS)
+    found = run_steps(simulate(plan, np.ones((8, 8, 3), np.float32), spp=2))
+    np.testing.assert_allclose(found.image, 1.0, atol=1e-6)
+    assert found.luminance[OTHER_PATH] == pytest.approx(0.3)
+    split = run_steps(trace_stray_light(plan)).split_of(np.ones((8, 8, 3), np.float32))
+    assert split == (pytest.approx(0.7), pytest.approx(0.3))
