@@ -327,9 +327,7 @@ class Session:
         yield measured[0]
         n_rays += yield from subprogress(measure(to_be_measured, clock), *measured)
         channels = channels_of(plans, optics, placed, light)
-        by_display = []
-        for channel in channels if len(rig.lit) > 1 else ():
-            by_display.append((yield from hold_progress(measured[1], of_displays(channel))))
+        by_display = yield from hold_progress(measured[1], _by_display(channels))
         clock.lap("coverage")
 
         yield 1.0
@@ -477,6 +475,14 @@ class Session:
         weight = yield from hold_progress(spread[1], weight_past_glass(view_map, settings))
         clock.lap("glare")
         return Traced(plan, view_map, weight)
+
+
+def _by_display(channels: Sequence[Channel]) -> Steps[list[tuple[float, ...]]]:
+    """For each channel the parts of the picture on each display; none for a single display."""
+    found = []
+    for channel in channels if len(channels[0].plan.rig.lit) > 1 else ():
+        found.append((yield from of_displays(channel)))
+    return found
 
 
 def _is_to_be_settled(place: PlacedParts, rig: Rig) -> bool:

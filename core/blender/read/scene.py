@@ -266,26 +266,13 @@ def read_drawn(
     by_role = parts_by_role(parts)
     if scene.kiriko.only_through_glass and not by_role["GLASS"]:
         raise RigError("The rig has no glass: {remedy}.", remedy=GLASS_REMEDY)
-    found: dict[str, list[Any]] = {}
-    materials = []
-
-    for role in (role for role in ROLES if role.number is not None):
-        found[role.field] = []
-        if role.name == "PICTURE" and is_image:
-            found[role.field], remarks = _read_image(scene, viewers, by_role[role.name], cache)
-            notes += remarks
-            continue
-
-        if role.name == "PROJECTOR":
-            cameras = (part.owner for part in by_role[role.name])
-            found[role.field] = [read_projector(camera, depsgraph, scene) for camera in cameras]
-            continue
-
-        for part in by_role[role.name]:
-            as_read = in_blender(role.name).read(part, cache)
-            found[role.field].append(as_read.part)
-            notes += as_read.notes
-            materials += as_read.materials
+    objects = {**by_role, "PICTURE": []} if is_image else by_role
+    found, materials = _read_objects(objects, cache, notes)
+    projectors = (part.owner for part in by_role["PROJECTOR"])
+    found["projectors"] = [read_projector(camera, depsgraph, scene) for camera in projectors]
+    if is_image:
+        found["pictures"], remarks = _read_image(scene, viewers, by_role["PICTURE"], cache)
+        notes += remarks
 
     cameras = [seat.camera for seat in seats]
     notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, cameras)
@@ -304,6 +291,26 @@ def read_drawn(
             _place_in_file(part.owner) for part in (*displays, *by_role["SCREEN"])
         ),
     )
+
+
+def _read_objects(
+    by_role: dict[str, list[WorldPart]], cache: ShapeCache, notes: list[str]
+) -> tuple[dict[str, list[Any]], list[MaterialReading]]:
+    """Parts of all roles by the rig's fields, without projectors and without a picture that is an
+    image, and the materials of glass; adds notes.
+    """
+    found: dict[str, list[Any]] = {}
+    materials = []
+    for role in ROLES:
+        if role.number is None or role.name == "PROJECTOR":
+            continue
+        found[role.field] = []
+        for part in by_role[role.name]:
+            as_read = in_blender(role.name).read(part, cache)
+            found[role.field].append(as_read.part)
+            notes += as_read.notes
+            materials += as_read.materials
+    return found, materials
 
 
 def _place_in_file(thing: bpy.types.Object) -> tuple[str, str | None]:
