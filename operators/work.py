@@ -5,7 +5,9 @@ from typing import Any
 
 import bpy
 
+from ..core.base.errors import RigError
 from ..core.blender.read import scene as blender_scene
+from ..core.blender.read.scene_parts import GLASS_REMEDY
 from ..core.blender.read.shapes import ShapeCache
 from ..core.blender.result import scene_fingerprint as blender_solved_for
 from ..core.blender.result.result_images import is_missing_numbers
@@ -111,9 +113,17 @@ def is_busy() -> bool:
 
 
 def read(context: bpy.types.Context, shapes: ShapeCache | None = None) -> Any:
-    """The scene, read as evaluated now."""
+    """The scene, read as evaluated now.
+
+    Raises
+    ------
+    RigError : it has no glass, which its settings need; as from `read`
+    """
     context.view_layer.update()
-    return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, shapes)
+    found = blender_scene.read(context.evaluated_depsgraph_get(), context.scene, shapes)
+    if context.scene.kiriko.only_through_glass and not found.rig.glasses:
+        raise RigError("The rig has no glass: {remedy}.", remedy=GLASS_REMEDY)
+    return found
 
 
 def scene_now(context: bpy.types.Context, shapes: ShapeCache | None = None) -> SolvedFor:

@@ -78,7 +78,6 @@ def test_plain_picture_appears_in_mid_air(core, scene):
     """
     rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
     bpy.data.objects.remove(rig["GLASS"])
-    scene.kiriko.only_through_glass = False
     reading = core.blender.read.scene.read(bpy.context)
     source = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
     seen = core.blender.preview.cycles_preview.render_preview(scene, reading, source, samples=4)[
@@ -95,7 +94,6 @@ def test_map_without_glass_is_the_mirror_image(core, scene):
     """
     rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
     bpy.data.objects.remove(rig["GLASS"])
-    scene.kiriko.only_through_glass = False
     found = core.blender.preview.cycles_preview.render_map(
         scene, core.blender.read.scene.read(bpy.context)
     )

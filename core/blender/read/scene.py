@@ -27,7 +27,7 @@ from ..data.units import length_of_unit
 from ..data.visibility import is_placed
 from .elements import MaterialReading, about, tone_of
 from .part_roles import in_blender
-from .scene_parts import GLASS_REMEDY, WorldPart, parts_by_role, read_parts
+from .scene_parts import WorldPart, parts_by_role, read_parts
 from .shapes import CURVED, ShapeCache
 
 
@@ -264,8 +264,6 @@ def read_drawn(
     viewers = read_viewers(depsgraph, scene)
 
     by_role = parts_by_role(parts)
-    if scene.kiriko.only_through_glass and not by_role["GLASS"]:
-        raise RigError("The rig has no glass: {remedy}.", remedy=GLASS_REMEDY)
     objects = {**by_role, "PICTURE": []} if is_image else by_role
     found, materials = _read_objects(objects, cache, notes)
     projectors = (part.owner for part in by_role["PROJECTOR"])
