@@ -4,9 +4,10 @@ Add Rig builds each system with a lattice of 7 x 7 dots as its picture, and Cycl
 viewer sees. `before` and `after`: mean displacement of the dots, viewer px, 1165 px across, with
 the plain picture and with the source image on the display. A second row has distances of landings,
 display px, from those of the system's surfaces in closed form (tests/known/sequences.py).
-`brightness`: share of the display's light that reaches the viewer. `times`: seconds per surface
-that its light meets, over the ball's. A mark is missed above 0.25 px, with fewer than 49
-dots, or with less than 99 % of the picture covered.
+Plates of mirrors are judged as ideal ones, since mirrors blur the dots. `brightness`: share of the
+display's light that reaches the viewer. `times`: seconds per surface that the light meets, over the
+ball's. A mark is missed above 0.25 px, with fewer than 49 dots, or with less than 99 % of the
+picture covered.
 """
 
 from __future__ import annotations
@@ -50,6 +51,13 @@ def built(kind: str) -> Reading:
     return work.read(bpy.context)
 
 
+def with_ideal_plates() -> Reading:
+    """The rig as read with ideal plates, whose image is at the same place."""
+    for thing in bpy.context.scene.objects:
+        thing.kiriko.plate.model = "IDEAL"
+    return work.read(bpy.context)
+
+
 def solved(reading: Reading, rounds: int = 3) -> tuple[Solution, float]:
     """A solution, and the median of its seconds in new sessions."""
     settings = work.settings_of(bpy.context.scene)
@@ -82,14 +90,17 @@ def measure(kind: str, _: object, arguments: argparse.Namespace) -> Iterator[Row
     of_ball = ball()
     reading = built(kind)
     solution, seconds = solved(reading)
+    split, plate = solution.first.split, solution.first.plate
+    brightness = split.brightness if split else plate and plate.brightness
+    if plate:
+        reading = with_ideal_plates()
+        solution, _ = solved(reading, 1)
     ideal, seen = solution.ideal(), solution.seen()
-    split = solution.first.split
-    brightness = split.brightness if split else None
     scene = bpy.context.scene
     samples = SPLIT_SAMPLES if split else SAMPLES
     after = shift_in_cycles(scene, reading, solution.source, ideal, seen, samples)
     before = None
-    if reading.rig.glasses:
+    if reading.rig.glasses and not any(glass.reflects for glass in reading.rig.glasses):
         plain = run_steps(
             Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))
         ).source
