@@ -128,7 +128,12 @@ def needed(kiriko: object, package: str) -> dict[str, str]:
     nouns = {str(role.noun): "core/rig/roles.py, Role.noun" for role in roles}
     nouns |= {role.field: "core/rig/rig.py, Role.field" for role in roles if role.is_single}
     kinds = {product.kind: "core/rig/catalogue.py" for product in catalogue.DISPLAYS.values()}
-    texts = {**nouns, **kinds, **labels(package), **sentences()}
+    systems = import_module(f"{name}.core.bench.systems").SYSTEMS.values()
+    parts = {part.name for system in systems for _, part in system.make().parts()}
+    made = {
+        f"Kiriko {part}": "core/bench/systems.py" for part in {*parts, *(r.label for r in roles)}
+    }
+    texts = {**nouns, **kinds, **labels(package), **sentences(), **made}
     return {text: place for text, place in texts.items() if text not in names}
 
 

@@ -621,6 +621,52 @@ def add_extras(dice: Dice, frames: Sequence[Floats], size: float) -> None:
             add(rectangle(dice, "mirror"), at, "MIRROR")
 
 
+ELEMENTS = ("HALF_MIRROR", "RETROREFLECTOR", "LENS", "SCREEN", "POLARISER", "WAVE_PLATE")
+FEW_GLASSES = 1  # with polarisation, which numpy traces
+
+
+def add_elements(dice: Dice, frames: Sequence[Floats], size: float) -> None:
+    """Half mirrors, retroreflectors, lenses, films, screens and projectors in the light's way;
+    glass that reflects, displays whose light is polarised.
+
+    They have a random generator of their own, so other rigs keep their random numbers.
+    """
+    own = Dice(dice.rng.spawn(1)[0])
+    own.wildness = dice.wildness
+    things = [o for o in bpy.context.scene.objects if o.kiriko.role in {"GLASS", "DISPLAY"}]
+    is_small = sum(o.kiriko.role == "GLASS" for o in things) <= FEW_GLASSES
+    for role in ELEMENTS if is_small else ELEMENTS[:-2]:
+        if own.wild(0.1, f"a {role}"):
+            wide = own.log(0.5, 10) * size
+            at = scaled(displaced(own, own.pick(frames), 3 * size, role), wide)
+            things.append(add(rectangle(own, role), at, role))
+    for thing in things:
+        if thing.kiriko.role in ELEMENTS or own.wild(0.1, "reflections, polarisation"):
+            draw_numbers(own, thing, size, is_small)
+    if own.wild(0.05, "a projector"):
+        at = displaced(own, own.pick(frames), size, "projector")
+        add(lens_of(own, size, 5 * size), at, "PROJECTOR")
+    dice.drawn += own.drawn
+
+
+def draw_numbers(dice: Dice, thing: bpy.types.Object, size: float, is_polarised: bool) -> None:
+    """Draw all numbers of an element; its role uses some of them."""
+    ours, rng = thing.kiriko.element, dice.rng
+    ours.reflectance, ours.absorption = rng.uniform(0, 0.7), dice.pick((0.0, 0.0, 0.3, 0.4))
+    ours.reflects, ours.polarising, ours.is_polarised = (rng.random(3) < 0.5) & (
+        True, is_polarised, is_polarised,
+    )  # fmt: skip
+    ours.prefers = dice.pick(("BRIGHTER", "REFLECTED", "TRANSMITTED"))
+    ours.focal_length = dice.pick((1, -1)) * 1e3 * size * dice.log(0.3, 30)
+    if dice.wild(0.1, "odd focal length"):
+        ours.focal_length = dice.pick((0.0, 1e-20, 1e30))
+    ours.angle, ours.retardance = rng.uniform(-7, 7), dice.pick((0.25, 0.5, -3.1))
+    ours.extinction, ours.spread = dice.pick((0.0, 1e-4, 1.0)), dice.pick((0.0, 0.01))
+    ours.pitch = dice.pick((0.0, 1e3 * size * dice.log(1e-4, 1)))
+    if thing.kiriko.role == "SCREEN":
+        thing.kiriko.resolution = (dice.pixels(), dice.pixels())
+
+
 def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
     """How the rig is solved."""
     ours = scene.kiriko
@@ -704,7 +750,9 @@ def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after t
     if not dice.wild(0.03, "no viewer"):
         add_viewer(dice, stand.viewer, size, distance)
     frames = (stand.plate, stand.picture, stand.display)
-    add_extras(dice, [frame for frame in frames if frame is not None], size)
+    present = [frame for frame in frames if frame is not None]
+    add_extras(dice, present, size)
+    add_elements(dice, present, size)
     if dice.wild(0.06, "odd object"):
         add_odd_object(dice, size)
     if dice.wild(0.05, "something hidden"):

@@ -87,6 +87,10 @@ SECTIONS: tuple[tuple[str | dict[str, str], tuple[str, ...]], ...] = (
         "KirikoDisplay.white", "KirikoDisplay.black_level", "KirikoDisplay.encoding",
         "KirikoDisplay.gamma", "kiriko.choose_picture", "kiriko.fit_picture",
         "KirikoPicture.brightness", "KirikoPicture.gamma", "KirikoPicture.black_level",
+        "KirikoElement.reflects", "KirikoElement.prefers", "KirikoElement.reflectance",
+        "KirikoElement.absorption", "KirikoElement.polarising", "KirikoElement.focal_length",
+        "KirikoElement.spread", "KirikoElement.pitch", "KirikoElement.is_polarised",
+        "KirikoElement.angle", "KirikoElement.extinction", "KirikoElement.retardance",
     )),
     (MENUS, ("kiriko.add_plate_material", "kiriko.add_asset_library")),
 )  # fmt: skip

@@ -34,6 +34,35 @@ def test_a_plate_shows_the_settings_of_its_model(drawn, model):
     assert "kiriko.plate_preset" in shown.operators
 
 
+ELEMENTS = {
+    "HALF_MIRROR": ["reflectance", "absorption", "prefers", "polarising", "surface"],
+    "RETROREFLECTOR": ["spread", "pitch"],
+    "LENS": ["focal_length"],
+    "POLARISER": ["angle", "extinction"],
+    "WAVE_PLATE": ["retardance", "angle"],
+    "SCREEN": ["resolution"],
+}
+
+
+@pytest.mark.parametrize("role", ELEMENTS)
+def test_an_element_shows_its_own_settings(drawn, scene, role):
+    """And no others."""
+    thing = new_object(primitive("grid", x_segments=1, y_segments=1, size=0.1), role)
+    assert drawn("object", "OBJECT_PT_kiriko", thing).props == ["role", *ELEMENTS[role]]
+
+
+def test_glass_that_reflects_shows_which_path_it_prefers(drawn, scene):
+    """Only with Use Reflection on; a display shows the axis of its light only if polarised."""
+    for role, switch, name in (
+        ("GLASS", "reflects", "prefers"),
+        ("DISPLAY", "is_polarised", "angle"),
+    ):
+        thing = new_object(primitive("cube", size=0.1), role)
+        assert name not in drawn("object", "OBJECT_PT_kiriko", thing).props
+        setattr(thing.kiriko.element, switch, True)
+        assert name in drawn("object", "OBJECT_PT_kiriko", thing).props
+
+
 def test_a_picture_shows_what_is_solved(drawn, scene):
     """The name of the image, wherever it was chosen, beside buttons.
 

@@ -145,6 +145,34 @@ def test_what_changes_the_source_image_counts(watch, rig, change):
     assert is_stale(watch)
 
 
+ELEMENTS = (
+    ("AIRR", "HALF_MIRROR", "reflectance", 0.45),
+    ("AIRR", "HALF_MIRROR", "absorption", 0.1),
+    ("AIRR", "HALF_MIRROR", "prefers", "REFLECTED"),
+    ("AIRR", "HALF_MIRROR", "polarising", True),
+    ("AIRR", "DISPLAY", "is_polarised", True),
+    ("ENCHANTABLE", "GLASS", "reflects", False),
+    ("EYEPIECE", "LENS", "focal_length", 51.0),
+    ("KOIZUMI_SANO", "POLARISER", "angle", 0.3),
+    ("KOIZUMI_SANO", "POLARISER", "extinction", 0.01),
+    ("AIRR_POLARISED", "WAVE_PLATE", "retardance", 0.3),
+)
+
+
+@pytest.mark.parametrize(("kind", "role", "name", "value"), ELEMENTS, ids=lambda v: str(v))
+def test_numbers_of_elements_count(watch, scene, kind, role, name, value):
+    """Those of half mirrors, lenses, films, glass that reflects and polarised displays."""
+    bpy.ops.kiriko.add_rig(kind=kind)
+    for thing in scene.objects:
+        thing.kiriko.resolution = (32, 32)
+    bpy.ops.kiriko.solve()
+    assert not is_stale(watch)
+    part = next(thing for thing in scene.objects if thing.kiriko.role == role)
+    assert getattr(part.kiriko.element, name) != value
+    setattr(part.kiriko.element, name, value)
+    assert is_stale(watch)
+
+
 def add_light(rig: dict[str, bpy.types.Object]) -> None:
     new_object(bpy.data.lights.new("l", "POINT"))
 
