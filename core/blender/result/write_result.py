@@ -259,7 +259,8 @@ def _write_numbers(
     details, notes = numbers
     result.coverage = details["picture_coverage"]
     result.details = StoredNumbers(details).text()
-    display = Message("The display") if reading.rig.plates else NO_PLATE
+    met = {role.name for role, _ in reading.rig.parts() if role.kind is not None}
+    display = NO_PLATE if met == {"GLASS", "DISPLAY"} else Message("The display")
     text = summary(details["picture_coverage"], solution.misses, display)
     if len(solution.channels) > 1:
         text = Message("'{viewer}': {summary}", viewer=solution.first.viewer.name, summary=text)
