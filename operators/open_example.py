@@ -5,16 +5,25 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.bench.systems import SYSTEMS
 from . import framing, needed, reporting, work
 from .windows import all_windows
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
+# items without an identifier are headings of columns
 EXAMPLES = (
+    ("", "Glass", "", "NONE", -1),
     ("BALL", "Ball", "A solid ball of glass, the reference", "MESH_UVSPHERE", 0),
     ("GOBLET", "Goblet", "A wine glass made with Screw, Solidify and Subdivision", "MATSPHERE", 1),
     ("CUT_CUBE", "Cut Cube", "A cube with facets cut along its edges", "MESH_CUBE", 2),
     ("BOTTLE", "Bottle", "A hollow bottle made with Screw and Subdivision", "MESH_CYLINDER", 3),
+    ("", "Systems", "", "NONE", -2),
+    *(
+        (kind, system.label, system.tip, "NONE", 4 + number)
+        for number, (kind, system) in enumerate(SYSTEMS.items())
+    ),
 )
+MADE_ACTIVE = "GLASS", "DISPLAY", "SCREEN"  # the first of these roles
 WAIT = 0.1  # s until the new file's windows can be framed
 _requested: list[str] = []  # the example to open after the artist has confirmed
 
@@ -43,11 +52,12 @@ def on_load(path: str, *_: object) -> None:
     if not is_example:
         return
     for scene in bpy.data.scenes:
-        glass = next((thing for thing in scene.objects if thing.kiriko.role == "GLASS"), None)
+        by_role = {thing.kiriko.role: thing for thing in reversed(scene.objects)}
+        part = next((by_role[role] for role in MADE_ACTIVE if role in by_role), None)
         for layer in scene.view_layers:
-            if glass is not None and layer.objects.active is None:
-                layer.objects.active = glass
-                glass.select_set(True, view_layer=layer)
+            if part is not None and layer.objects.active is None:
+                layer.objects.active = part
+                part.select_set(True, view_layer=layer)
     frame_soon()
 
 

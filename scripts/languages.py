@@ -110,7 +110,7 @@ def texts_of_class(cls: type, kind: str) -> Iterator[str]:
         if prop.identifier in inherited or prop.name == prop.identifier:
             continue  # Blender's own, or never shown
         yield from (prop.name, prop.description)
-        for item in getattr(prop, "enum_items_static", ()):
+        for item in getattr(prop, "enum_items_static_ui", ()):
             yield from (item.name, item.description)
 
 

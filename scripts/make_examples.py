@@ -1,4 +1,4 @@
-"""Makes the examples in assets/: glass, and the rig built around it by Add Rig.
+"""Makes the examples in assets/: glass, and the rig built around it by Add Rig; all systems.
 
 Runs in the oldest supported Blender, whose files all later ones open:
 `PYTHONPATH=.dev/link:scripts:tests .dev/bpy-4.2.23/bin/python scripts/make_examples.py`
@@ -18,6 +18,7 @@ from mathutils import Matrix
 
 from bench.brought_glass import BOTTLE, wine_glass
 from fuzz.shapes import add, linked, mesh_of, turned
+from kiriko.core.bench.systems import SYSTEMS
 from kiriko.core.blender.materials import shaders
 from known.registered import registered
 
@@ -64,7 +65,7 @@ EXAMPLES: dict[str, Callable[[], bpy.types.Object | None]] = {
 
 
 def make(name: str) -> None:
-    """Make one example's file."""
+    """Make the file of an example with glass."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = EXAMPLES[name]()
     bpy.ops.object.select_all(action="DESELECT")
@@ -78,6 +79,18 @@ def make(name: str) -> None:
         bpy.context.view_layer.objects.active = thing
 
     bpy.ops.kiriko.add_rig()
+    save(name)
+
+
+def make_system(kind: str) -> None:
+    """Make the file of a system."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.kiriko.add_rig(kind=kind)
+    save(kind)
+
+
+def save(name: str) -> None:
+    """Write the open file into assets/."""
     bpy.ops.outliner.orphans_purge(do_recursive=True)
     path = FOLDER / f"example_{name.lower().replace(' ', '_')}.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, copy=True)
@@ -89,6 +102,8 @@ def main() -> None:
     for name in EXAMPLES:
         make(name)
         sys.stdout.write(f"{name}\n")
+    for kind in SYSTEMS:
+        make_system(kind)
 
 
 if __name__ == "__main__":

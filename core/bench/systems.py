@@ -41,6 +41,7 @@ SLOPE = 2**-0.5
 TO_VIEWER = SLOPE * (Y + Z)  # normal of a plane at 45 degrees that turns the view down
 WATER, ACRYLIC, GLASS = 1.333, 1.49, 1.52
 SEGMENTS = 128  # of a round surface
+BALL_SEGMENTS = 64  # of a ball, for small files: its faces are curved
 
 
 @dataclass(frozen=True)
@@ -110,18 +111,19 @@ def block(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 def shell(radius: float, is_cavity: bool = False) -> tuple[Floats, NDArray[np.int64], Floats]:
     """Vertices, triangles and corner normals of a ball about the origin; a cavity's face inward."""
-    polar, around = np.pi * np.arange(1, 64) / 64, 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS
+    half = BALL_SEGMENTS // 2
+    polar, around = np.pi * np.arange(1, half) / half, np.pi * np.arange(BALL_SEGMENTS) / half
     ring = np.stack([np.cos(around), np.sin(around)], axis=1)
     unit = np.concatenate([
-        np.column_stack([np.sin(a) * ring, np.full(SEGMENTS, np.cos(a))]) for a in polar
+        np.column_stack([np.sin(a) * ring, np.full(BALL_SEGMENTS, np.cos(a))]) for a in polar
     ])  # fmt: skip
     unit = np.concatenate([unit, [Z, -Z]])
-    index = np.arange(len(unit) - 2).reshape(-1, SEGMENTS)
+    index = np.arange(len(unit) - 2).reshape(-1, BALL_SEGMENTS)
     after = np.roll(index, -1, axis=1)
     if is_cavity:
         index, after = after, index
     a, b, c, d = index[:-1].ravel(), index[1:].ravel(), after[1:].ravel(), after[:-1].ravel()
-    north, south = np.full((2, SEGMENTS), [[len(unit) - 2], [len(unit) - 1]])
+    north, south = np.full((2, BALL_SEGMENTS), [[len(unit) - 2], [len(unit) - 1]])
     triangles = np.concatenate([
         np.stack([a, b, c, a, c, d], 1).reshape(-1, 3),
         np.stack([north, index[0], after[0]], 1), np.stack([index[-1], south, after[-1]], 1),
@@ -135,8 +137,8 @@ def ball(radius: float, inner: float = 0.0) -> Mesh:
     vertices, triangles, normals = zip(*shells, strict=True)
     starts = np.cumsum([0, *(len(one) for one in vertices)])
     joined = np.concatenate([t + start for t, start in zip(triangles, starts, strict=False)])
-    n_quads = len(triangles[0]) // 2 - SEGMENTS
-    caps = np.arange(2 * SEGMENTS) + n_quads
+    n_quads = len(triangles[0]) // 2 - BALL_SEGMENTS
+    caps = np.arange(2 * BALL_SEGMENTS) + n_quads
     polygon = np.concatenate([halves_of(n_quads), caps])
     polygons = [polygon + k * (caps[-1] + 1) for k in range(len(shells))]
     is_smooth = np.ones(len(joined), bool)
@@ -406,7 +408,8 @@ def globe(radius: float, opening: float) -> Mesh:
     """A sphere about the origin, open up to `opening` rad from its south pole, with a UV map by
     angles; its front is outside.
     """
-    polar, around = np.linspace(0, np.pi - opening, 65), np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    polar = np.linspace(0, np.pi - opening, BALL_SEGMENTS // 2 + 1)
+    around = np.linspace(0, 2 * np.pi, BALL_SEGMENTS + 1)
     a, b = (x.ravel() for x in np.meshgrid(polar, around, indexing="ij"))
     vertices = radius * np.stack([np.sin(a) * np.sin(b), np.sin(a) * np.cos(b), np.cos(a)], axis=1)
     uv = np.stack([b / (2 * np.pi), 1 - a / polar[-1]], axis=1)
@@ -414,7 +417,9 @@ def globe(radius: float, opening: float) -> Mesh:
     corners = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
     one, two, three, four = (corner.ravel() for corner in corners)
     halves = np.stack([one, two, three, one, three, four], axis=1).reshape(-1, 3)
-    has_area = np.repeat(np.arange(len(one)) >= SEGMENTS, 2) | (np.arange(len(halves)) % 2 == 1)
+    has_area = np.repeat(np.arange(len(one)) >= BALL_SEGMENTS, 2) | (
+        np.arange(len(halves)) % 2 == 1
+    )
     triangles, polygon = halves[has_area], halves_of(len(one))[has_area]
     return Mesh(vertices, triangles, uv=uv[triangles], polygon=polygon)
 

@@ -4,6 +4,8 @@ import bpy
 import pytest
 
 from extension import loaded
+from kiriko.core.bench.systems import SYSTEMS
+from test_system_objects import assert_same_parts
 
 NAMES = ("BALL", "GOBLET", "CUT_CUBE", "BOTTLE")
 
@@ -81,6 +83,17 @@ def test_what_an_example_tells_can_be_translated(scene, name):
 def test_examples_are_those_that_are_offered(kiriko):
     """Each entry of the menu has its file, and each file an entry."""
     module = loaded("operators.open_example")
-    offered = {module.path_of(name).name for name, *_ in module.EXAMPLES}
+    names = {name for name, *_ in module.EXAMPLES if name}
+    offered = {module.path_of(name).name for name in names}
     assert offered == {path.name for path in module.FOLDER.glob("example_*.blend")}
-    assert {name for name, *_ in module.EXAMPLES} == set(NAMES)
+    assert names == {*NAMES, *SYSTEMS}
+
+
+@pytest.mark.parametrize("kind", SYSTEMS)
+def test_the_example_of_a_system_is_up_to_date(core, kind):
+    """It holds the system's parts as the table has them, with its display or glass active."""
+    bpy.ops.kiriko.open_example(example=kind)
+    found = core.blender.read.scene.read(bpy.context).rig
+    assert_same_parts(found, loaded("core.bench.systems").SYSTEMS[kind].make())
+    role = bpy.context.view_layer.objects.active.kiriko.role
+    assert role == ("GLASS" if found.glasses else "DISPLAY" if found.displays else "SCREEN")
