@@ -40,7 +40,7 @@ from .runner import MISSED, Bench, Row, run  # noqa: E402
 
 MOST_PX = 0.25  # of 1165
 LEAST_COVERED = 0.99
-SAMPLES, SPLIT_SAMPLES = 4, 32  # of a viewer pixel in Cycles: light that splits is noisy
+SAMPLES, SPLIT_SAMPLES = 4, 16  # of a viewer pixel in Cycles: light that splits is noisy
 IN_GLASS = "IN_GLASS"
 
 
