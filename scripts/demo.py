@@ -95,7 +95,7 @@ def run(name: str, out: Path) -> list[str]:
     in_core = {"before": lattice_shift(uncompensated, ideal), "after": lattice_shift(seen, ideal)}
     in_cycles = {
         "before": shift_in_cycles(scene, reading, plain, ideal, uncompensated),
-        "after": shift_in_cycles(scene, reading, solution.source, ideal, seen),
+        "after": shift_in_cycles(scene, reading, solution.image, ideal, seen),
     }
 
     folder = out / name

@@ -98,7 +98,7 @@ def measure(kind: str, _: object, arguments: argparse.Namespace) -> Iterator[Row
     ideal, seen = solution.ideal(), solution.seen()
     scene = bpy.context.scene
     samples = SPLIT_SAMPLES if split else SAMPLES
-    after = shift_in_cycles(scene, reading, solution.source, ideal, seen, samples)
+    after = shift_in_cycles(scene, reading, solution.image, ideal, seen, samples)
     before = None
     if reading.rig.glasses and not any(glass.reflects for glass in reading.rig.glasses):
         plain = run_steps(
