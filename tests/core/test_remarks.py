@@ -157,7 +157,7 @@ def notes_without_solving(mesh, error=NO_ERROR):
 def remarks_of(plan, accuracy, error, misses=MappingProxyType({})):
     """Remarks on a channel of which no more is known than this, and on a black source image."""
     channel = SimpleNamespace(
-        plan=plan, accuracy=accuracy, map_error=error, misses=misses, glare=None
+        plan=plan, accuracy=accuracy, map_error=error, misses=misses, glare=None, split=None
     )
     return remarks_on((channel,), np.zeros((1, 1, 3), np.float32))
 
