@@ -336,7 +336,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
         limits = Limits(
             shift=self.shift * metres or REACH * side,
             turn=self.turn,
-            glass=self.glass_limit if self.turn_glass else 0.0,
+            glass=self.glass_limit if self.turn_glass and rig.glasses else 0.0,
         )
         yield 0.02
 

@@ -266,6 +266,8 @@ def legible_by(
 
 def _to_read(rig: Rig) -> list[Help]:
     """Candidates for a picture that is hard to recognise."""
+    if not rig.glasses:
+        return []
     glass = max(rig.glasses, key=lambda glass: len(glass.mesh.triangles))
     tried = [Help(SMOOTH_GLASS, n, 0.0, glass.name) for n in ITERATIONS]
     way = way_to_glass(rig)

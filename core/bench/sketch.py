@@ -437,8 +437,8 @@ def spread_paths(plan: Plan, count: int) -> Steps[list[LightPath]]:
 
 
 def size_of(rig: Rig) -> float:
-    """Size of a rig, m: the diagonal of the box around glass, plates and display."""
-    extent = [part.mesh.bounds for part in (*rig.glasses, *rig.plates, *rig.displays)]
+    """Size of a rig, m: the diagonal of the box around glass, plates, displays and screens."""
+    extent = [part.mesh.bounds for part in (*rig.glasses, *rig.plates, *rig.lit)]
     return float(np.linalg.norm(np.ptp(np.concatenate(extent), axis=0)))
 
 

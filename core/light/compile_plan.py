@@ -18,7 +18,7 @@ from ..glass.curved import CurvedFaces
 from ..glass.surfaces import Surface
 from ..rig.rig import Kind, Rig
 from ..rig.settings import Settings
-from .display import absorbing_axes, display_plane
+from .display import DisplayPlane, absorbing_axes, display_plane
 from .engines import engine_kind
 from .interaction_display import NEAR
 from .kernel_tracer import Kernel
@@ -197,12 +197,20 @@ def compile_plan_steps(
 def _check_reflecting(parts: RigParts, by_display: Bools) -> None:
     """Raise RigError for reflecting glass among the solids (s,) that touch the display."""
     for solid, is_near in zip(parts.solids, by_display, strict=True):
-        if is_near and solid.glass.reflects:
+        if is_near and solid.glass.reflects and _lies_on(solid.surface, plane, merge_distance):
             raise RigError(
                 "The glass '{glass}' touches the display, where its reflection has no path: leave a"
                 " gap, or turn off Use Reflection.",
                 glass=solid.glass.name,
             )
+
+
+def _lies_on(solid: Surface, plane: DisplayPlane | None, merge_distance: float) -> bool:
+    """Whether a face of a solid is in the plane of a flat display; True for a bent display."""
+    if plane is None:
+        return True
+    height = np.abs((solid.corners - plane.corner) @ plane.normal)
+    return bool((height <= NEAR * merge_distance).all(axis=1).any())
 
 
 def _make_layers(

@@ -116,8 +116,8 @@ def main_of(landings: Landings, n_rays: int, expected: Words | None = None) -> I
     """Index (n,) of each ray's main landing; -1 without one.
 
     Preferred in order: its expected branch, a place on the display plane, arrival on the display,
-    the smallest rank, the largest throughput, the smallest branch number. The choice does not
-    depend on the order of landings.
+    the smallest rank, the largest throughput; among equals the transmitted light, which comes first
+    in the order of `Rays`.
 
     expected : (n,) branches, if available
     """
@@ -127,8 +127,7 @@ def main_of(landings: Landings, n_rays: int, expected: Words | None = None) -> I
 
     # the last key is the most significant
     order = np.lexsort((
-        landings.branch,
-        -landings.throughput,
+        -np.round(landings.throughput, 9),
         landings.rank,
         ~landings.has_arrived,
         landings.branch == 0,

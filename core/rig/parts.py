@@ -384,7 +384,8 @@ class Display(Part):
 
 @dataclass(frozen=True, eq=False)
 class Screen(Display):
-    """A surface with a UV map that projectors shine on; light leaves it on both sides.
+    """A surface with a UV map that projectors shine on, from either side; its front shows their
+    light.
 
     width, height : of its image, which no file shows: the resolution of the projected light
     """

@@ -138,7 +138,7 @@ class Rig:
     ), ())
     screens: tuple[Screen, ...] = _parts_of(Role(
         "SCREEN", Message("Screen"), number=10, icon="MOD_UVPROJECT",
-        tip="Scatters the light of projectors, on both sides; needs a UV map",
+        tip="Shows the light of projectors on its front, from either side; needs a UV map",
         is_mapped=True,
     ), ())
     projectors: tuple[Projector, ...] = _parts_of(Role(
@@ -366,7 +366,8 @@ EDGE_ON_SINE = np.sin(np.radians(0.1))
 
 def _face_each_other(one: Mesh, other: Mesh) -> bool:
     """Whether two flat meshes are parallel, and overlap along their normal."""
-    frames = [np.linalg.svd(m.vertices - m.vertices.mean(axis=0))[2] for m in (one, other)]
+    shifted = [m.vertices - m.vertices.mean(axis=0) for m in (one, other)]
+    frames = [np.linalg.svd(places, full_matrices=False)[2] for places in shifted]
     if abs(frames[0][2] @ frames[1][2]) < MOST_PARALLEL:
         return False
     a, b = (m.vertices @ frames[0][:2].T for m in (one, other))

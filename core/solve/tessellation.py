@@ -297,7 +297,8 @@ def _undecided(sample: _Sample, other: Landings, other_steps: list[Step]) -> flo
 
 def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
     """Whether rays (n,) hit two solids in succession within NEAR_OF_GLASS of the glass's size."""
-    size = max(float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses)
+    sizes = [float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses]
+    size = max(sizes, default=0.0)
     last = origins.copy()
     solid = np.full(len(origins), -1)
     is_near = np.zeros(len(origins), bool)

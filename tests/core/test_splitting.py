@@ -252,3 +252,30 @@ def test_simulation_adds_up_all_paths_and_names_the_other():
     assert found.luminance[OTHER_PATH] == pytest.approx(0.3)
     split = run_steps(trace_stray_light(plan)).split_of(np.ones((8, 8, 3), np.float32))
     assert split == (pytest.approx(0.7), pytest.approx(0.3))
+
+
+def test_among_equals_the_transmitted_light_carries_the_picture():
+    """At the default reflectance both paths of a pane are as bright; one rule holds for all pixels,
+    whatever number of mirrors the reflected light meets.
+    """
+    a_rig = panes(1)
+    wide = replace(a_rig.display, mesh=rectangle(Y, X, Z, 9, 9))
+    sides = tuple(
+        Mirror(f"side {k}", rectangle(-0.5 * Y + Z + 0.02 * k * X, X, Y + Z, 0.02, 1))
+        for k in range(-4, 5)
+    )
+    a_rig = replace(a_rig, glasses=(), plates=(), displays=(wide,), mirrors=sides)
+    o, d = a_rig.viewer.rays(np.random.default_rng(0).uniform(8, 56, (200, 2)))
+    main = main_landings(trace_all(compile_plan(a_rig, SETTINGS), o, d), 200)
+    assert (main.n_events == 2).all()
+
+
+def test_a_slanted_pane_near_the_display_does_not_touch_it():
+    """Its box holds a part of the display, its faces do not lie on it."""
+    base = ball_rig(2, pixels=64)
+    pane = box([0.2, 0.003, 0.3])
+    a = np.pi / 4
+    turn = np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]])
+    slab = Glass("pane", replace(pane, vertices=pane.vertices @ turn), reflects=True)
+    under = replace(base.display, mesh=rectangle(-0.08 * Z, X, Y, 0.1, 0.1))
+    compile_plan(replace(base, glasses=(slab,), plates=(), displays=(under,)), SETTINGS)

@@ -114,3 +114,14 @@ def test_light_by_its_number_of_reflections(degrees):
     for k in range(5):
         share = np.mean(np.isclose(found, rho**k))
         assert share == pytest.approx(max(0.0, 1 - abs(r - k)), abs=0.01)
+
+
+def test_a_mirror_alone_may_be_moved():
+    """A rig without glass measures its curved mirror as one with glass does, from any place."""
+    a_rig = SYSTEMS["ANAMORPHOSIS"].make()
+    picture = a_rig.pictures[0].showing(lattice_image(64))
+    for dx in (-0.02, 0.02):
+        eye = a_rig.viewer
+        eye = replace(eye, position=eye.position + dx * X, width=64, height=64)
+        found = solve(replace(a_rig, viewers=(eye,), pictures=(picture,)))
+        assert found.picture_coverage > 0.9

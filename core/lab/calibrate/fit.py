@@ -366,7 +366,7 @@ def extra_photographs(
     The second viewer's position is as uncertain as the first one's; its focal length is the same.
     """
     viewer = bench.viewer
-    pivot = bench.rig.glasses[0].mesh.bounds.mean(axis=0)
+    pivot = (bench.rig.glasses or bench.rig.displays)[0].mesh.bounds.mean(axis=0)
     away = viewer.axes[2]
 
     n = len(bench.parameters)
