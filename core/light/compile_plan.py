@@ -163,7 +163,7 @@ def compile_plan_steps(
     features = _features(parts, layers, media, is_clear, settings, is_polarised)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
     by_display = boxes_touch(boxes, NEAR * merge_distance)[-1, : len(solids)]
-    _check_reflecting(parts, by_display)
+    _check_reflecting(parts, by_display, plane, merge_distance)
 
     return Plan(
         rig=rig,
@@ -194,8 +194,10 @@ def compile_plan_steps(
     )
 
 
-def _check_reflecting(parts: RigParts, by_display: Bools) -> None:
-    """Raise RigError for reflecting glass among the solids (s,) that touch the display."""
+def _check_reflecting(
+    parts: RigParts, by_display: Bools, plane: DisplayPlane | None, merge_distance: float
+) -> None:
+    """Raise RigError for reflecting glass that touches the display, among solids (s,) near it."""
     for solid, is_near in zip(parts.solids, by_display, strict=True):
         if is_near and solid.glass.reflects and _lies_on(solid.surface, plane, merge_distance):
             raise RigError(
