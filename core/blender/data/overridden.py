@@ -10,7 +10,13 @@ from .changes import change, value_of
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 # one setting of each group of an object, and of a rig's collection
-OF_GROUPS = ("kiriko.role", "kiriko.plate.pitch", "kiriko.picture.gamma", "kiriko.display.gamma")
+OF_GROUPS = (
+    "kiriko.role",
+    "kiriko.plate.pitch",
+    "kiriko.element.reflectance",
+    "kiriko.picture.gamma",
+    "kiriko.display.gamma",
+)
 OF_RIG = (
     "kiriko.is_rig",
     "kiriko.picture.gamma",

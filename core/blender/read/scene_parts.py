@@ -166,7 +166,9 @@ def read_parts(
     placeholders = placeholders_of(scene) if lost else []
     for role in needed:
         check_some_are_shown(role, parts, hidden)
-    if any(role.remedy for role in ROLES if role.name in {*needed} - {one.role for one in parts}):
+    missing = {*needed} - {one.role for one in parts}
+    needs_glass = scene.kiriko.only_through_glass and "GLASS" in missing
+    if needs_glass or any(role.remedy for role in ROLES if role.name in missing):
         refuse_lost(lost, placeholders)
 
     notes = [text for text, _ in on_lost(lost, placeholders)]
@@ -225,7 +227,7 @@ def check_some_are_shown(
 
 def hidden_words(thing: bpy.types.Object, by: str) -> str:
     """Sentence without a full stop on a hidden object with a role, and the remedy."""
-    can_do_without = any(role.is_missed for role in ROLES if role.name == thing.kiriko.role)
+    can_do_without = thing.kiriko.role == "PLATE"
     return Message(
         "The {role} '{name}' is hidden{by}: show it{otherwise}",
         role=next(role.noun for role in ROLES if role.name == thing.kiriko.role),
