@@ -1,5 +1,6 @@
-"""The pictures of README and docs, rendered in Cycles: the gallery, the manual's first picture, and
-a glass ball with a pattern, warped and corrected. Started by `dev.py pictures`.
+"""The pictures of README and docs, rendered in Cycles: the gallery, the manual's first picture, a
+glass ball with a pattern, warped and corrected, and the systems of Add Rig > More. Started by
+`dev.py pictures`.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from PIL import Image
 
 import kiriko
 from demo import RIGS
+from gallery import benches
 from gallery.exhibits import EXHIBITS
 from gallery.show import render
 from kiriko.core.base.arrays import Floats
 from kiriko.core.base.steps import run_steps
+from kiriko.core.bench.systems import SYSTEMS
 from kiriko.core.blender.preview.cycles_preview import render_preview
 from kiriko.core.files import image_io
 from kiriko.core.rig.settings import Settings
@@ -29,6 +32,7 @@ PIXELS, SAMPLES = 480, 128  # of a picture of the ball
 GALLERY, GALLERY_SAMPLES = (640, 480), 40  # and the denoiser
 HERO, HERO_SIZE = "goblet", (1200, 675)  # the gallery has its middle
 GALLERY_BYTES, HERO_BYTES = 60_000, 120_000
+SYSTEM_SIDE, SYSTEM_BYTES, GAP = 360, 30_000, 6  # px, bytes, px between its two pictures
 SHOULDER = 0.6  # brighter light is compressed
 
 
@@ -153,6 +157,15 @@ def run_hero(folder: Path, samples: int) -> Image.Image:
     return image.resize(GALLERY, Image.Resampling.LANCZOS, box)
 
 
+def run_system(folder: Path, kind: str, samples: int) -> None:
+    """Write systems/KIND.webp: a system from outside, and as its viewer sees it."""
+    both = Image.new("RGB", (2 * SYSTEM_SIDE + GAP, SYSTEM_SIDE), "white")
+    for k, light in enumerate(benches.render(kind, SYSTEM_SIDE, samples)):
+        both.paste(developed(light), (k * (SYSTEM_SIDE + GAP), 0))
+    (folder / "systems").mkdir(exist_ok=True)
+    pack(both, folder / "systems" / f"{kind.lower()}.webp", SYSTEM_BYTES)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/pictures"), metavar="FOLDER")
@@ -163,7 +176,7 @@ def main() -> None:
         metavar="N",
         help="of a pixel of the gallery",
     )
-    which = [*EXHIBITS, "ball"]
+    which = [*EXHIBITS, "ball", *SYSTEMS]
     parser.add_argument(
         "--only",
         nargs="+",
@@ -180,6 +193,9 @@ def main() -> None:
             run_gallery(folder, name, arguments.samples)
     if "ball" in arguments.only:
         run_ball(folder)
+    for kind in SYSTEMS:
+        if kind in arguments.only:
+            run_system(folder, kind, arguments.samples)
     kiriko.unregister()
 
 

@@ -47,6 +47,13 @@ def to_plane(o: np.ndarray, d: np.ndarray, thing: bpy.types.Object) -> np.ndarra
     return o + (((at - o) @ axes[2]) / (d @ axes[2]))[:, None] * d
 
 
+def test_systems_without_glass_or_displays_have_paths(scene):
+    """A screen lit by projectors has a size, too; all paths end on it."""
+    bpy.ops.kiriko.add_rig(kind="CAKE")
+    assert bpy.ops.kiriko.draw_light_paths(count=12) == {"FINISHED"}
+    assert len(lines("Arrived")) == 12
+
+
 def by_closed_form(rig: dict[str, bpy.types.Object], count: int, side: float) -> np.ndarray:
     """The paths (count, 5, 3) from the eye to a Fibonacci lattice on the picture, bent by the flat
     faces of an unturned cube, sent back by an ideal plate to the display's plane.
