@@ -45,6 +45,12 @@ class Simulation:
     spp: int
 
 
+def by_path(luminance: dict[int, float]) -> dict[str, float]:
+    """Luminance of a simulation by the names of its paths, for reports."""
+    names = {path: path.name.lower() for path in PlatePath} | {OTHER_PATH: "other_path"}
+    return {names[path]: light for path, light in luminance.items()}
+
+
 def simulate(
     plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0
 ) -> Generator[float, None, Simulation]:
