@@ -46,9 +46,8 @@ class Simulation:
 
 
 def by_path(luminance: dict[int, float]) -> dict[str, float]:
-    """Luminance of a simulation by the names of its paths, for reports."""
-    names = {path: path.name.lower() for path in PlatePath} | {OTHER_PATH: "other_path"}
-    return {names[path]: light for path, light in luminance.items()}
+    """Luminance of a simulation by the names of the paths at plates, which add up to its mean."""
+    return {path.name.lower(): luminance[path] for path in PlatePath}
 
 
 def simulate(

@@ -20,7 +20,7 @@ from ...core.blender.preview.cycles_preview import Preview
 from ...core.blender.result.write_result import write_solution, write_viewers
 from ...core.files import disk, image_io
 from ...core.files.frame_list import frames_of
-from ...core.image.simulation import by_path, simulate
+from ...core.image.simulation import OTHER_PATH, by_path, simulate
 from ...core.lab.farm.job import LOG, log_of
 from ...core.rig.catalogue import DISPLAYS, GLASSES, PLATES
 from ...core.rig.joined_display import Section
@@ -132,6 +132,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
             "rays_a_pixel": found.spp,
             "noise": found.error,
             "luminance": by_path(found.luminance),
+            "luminance_by_other_paths": found.luminance[OTHER_PATH],
             "luminance_error": by_path(found.luminance_error),
         }
 
