@@ -653,9 +653,9 @@ def draw_numbers(dice: Dice, thing: bpy.types.Object, size: float, is_polarised:
     """Draw all numbers of an element; its role uses some of them."""
     ours, rng = thing.kiriko.element, dice.rng
     ours.reflectance, ours.absorption = rng.uniform(0, 0.7), dice.pick((0.0, 0.0, 0.3, 0.4))
-    ours.reflects, ours.polarising, ours.is_polarised = (rng.random(3) < 0.5) & (
-        True, is_polarised, is_polarised,
-    )  # fmt: skip
+    ours.reflects = dice.chance(0.5)
+    ours.polarising = is_polarised and dice.chance(0.5)
+    ours.is_polarised = is_polarised and dice.chance(0.5)
     ours.prefers = dice.pick(("BRIGHTER", "REFLECTED", "TRANSMITTED"))
     ours.focal_length = dice.pick((1, -1)) * 1e3 * size * dice.log(0.3, 30)
     if dice.wild(0.1, "odd focal length"):
