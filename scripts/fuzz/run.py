@@ -182,7 +182,8 @@ def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, An
 
 
 SOLVES = re.compile(
-    r"scenes \S+ kiriko(_scene)?|collections .* kiriko|images Kiriko (Source|Seen)(\.\d{3})?( is new| \w+)"
+    r"scenes \S+ kiriko(_scene)?|collections .* kiriko"
+    r"|images Kiriko (Source|Seen)(\.\d{3})?( is new| \w+)"
     r"|materials .* Source\S* (is new|\w+)"
     r"|materials .* use_fake_user|materials Kiriko Display\S* \w+"  # Add Rig's, which gives way
     r"|objects (Kiriko )?Display\S* (material_slots|active_material)|meshes .* materials"
