@@ -38,8 +38,7 @@ from ..rig.rig import (
 
 X, Y, Z = np.eye(3)
 SLOPE = 2**-0.5
-TO_VIEWER = SLOPE * (Y + Z)  # normal of a plane at 45 degrees that turns the view down
-WATER, ACRYLIC, GLASS = 1.333, 1.49, 1.52
+WATER, ACRYLIC = 1.333, 1.49
 SEGMENTS = 128  # of a round surface
 BALL_SEGMENTS = 64  # of a ball, for small files: its faces are curved
 
@@ -223,8 +222,7 @@ def led_corner() -> Rig:
 
 def curved_wall() -> Rig:
     """A hollow cylinder of displays around the viewer."""
-    outline = -arc(4.0, np.radians(60))
-    wall = strip(outline[::-1] * [1, 1], (0.0, 2.5))
+    wall = strip(-arc(4.0, np.radians(60))[::-1], (0.0, 2.5))
     return rig(
         viewer([0, 0, 1.6], [0, 4, 1.4], 4.5), display(wall, 4096, 1222), picture([0, 3, 1.4], 1.4)
     )

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from ..base.arrays import Bools, Floats, Ints, take
 from ..base.vectors import dot, normalise
 from .hits import Hits
-from .meetings import Interaction, shading_normals
-from .optics import reflect, refract
+from .meetings import Interaction, reflect_before, shading_normals
+from .optics import refract
 from .plan import Plan
 from .polarisation import Passed, reflection
 from .rays import FACE_PASS, FACE_TIR, PASS, TIR, Rays
@@ -59,9 +59,7 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
         light = reflected.at(some), transmitted.at(some)
         splits, copies = rays.branch_off(i[some], *light, glass.prefers)
         at = some[splits]
-        mirrored = reflect(directions[at], shading[at])
-        wrong = dot(mirrored, geometric[at]) < 0
-        mirrored[wrong] = reflect(directions[at[wrong]], geometric[at[wrong]])
+        mirrored, wrong = reflect_before(directions[at], geometric[at], shading[at])
         rays.directions[copies] = normalise(mirrored)
         rays.last_part[copies] = part[at]
         rays.mask[copies] = before[at]

@@ -3,13 +3,12 @@
 import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
-from ..base.vectors import dot, normalise
+from ..base.vectors import normalise
 from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import HalfMirror, Mirror
 from .hits import Hits
-from .meetings import Interaction, shading_normals
+from .meetings import Interaction, reflect_before, shading_normals
 from .mesh_cache import MeshCache
-from .optics import reflect
 from .plan import Plan
 from .rays import FACE_MIRROR, MIRROR, Rays
 
@@ -21,13 +20,9 @@ def surface(part: Mirror | HalfMirror, mesh_cache: MeshCache) -> tuple[Surface, 
 
 
 def mirrored(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Bools]:
-    """Reflected directions (n, 3), and where (n,) by the face's own normal, because a bent one
-    would send light through.
-    """
+    """Reflected directions (n, 3), and where (n,) by the face's own normal."""
     geometric, shading, is_own = shading_normals(plan, directions, hits)
-    out = reflect(directions, shading)
-    wrong = dot(out, geometric) < 0
-    out[wrong] = reflect(directions[wrong], geometric[wrong])
+    out, wrong = reflect_before(directions, geometric, shading)
     return out, is_own | wrong
 
 

@@ -13,6 +13,7 @@ from ..glass.surfaces import Surface
 from ..rig.rig import Mesh
 from .hits import Hits
 from .mesh_cache import MeshCache
+from .optics import reflect
 from .plan import Plan
 from .rays import Rays
 
@@ -77,6 +78,16 @@ def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats,
     away = dot(directions, shading) >= 0
     shading[away] = geometric[away]
     return geometric, shading, away
+
+
+def reflect_before(directions: Floats, geometric: Floats, shading: Floats) -> tuple[Floats, Bools]:
+    """Reflected directions (n, 3), and where (n,) by the face's own normal, because a bent one
+    would send light through.
+    """
+    out = reflect(directions, shading)
+    wrong = dot(out, geometric) < 0
+    out[wrong] = reflect(directions[wrong], geometric[wrong])
+    return out, wrong
 
 
 def _is_set(vectors: Floats) -> Bools:

@@ -7,7 +7,7 @@ display px, from those of the system's surfaces in closed form (tests/known/sequ
 Plates of mirrors are judged as ideal ones, since mirrors blur the dots. `brightness`: share of the
 display's light that reaches the viewer. `times`: seconds per surface that the light meets, over the
 ball's. A mark is missed above 0.25 px, with fewer than 49 dots, or with less than 99 % of the
-picture covered.
+picture covered; in a second row above 0.1 px.
 """
 
 from __future__ import annotations

@@ -90,7 +90,6 @@ def test_paths_are_bounded(tracer):
     fainter than a ten-thousandth.
     """
     a_rig = panes(2, up=Z)
-    plan = compile_plan(replace(a_rig, half_mirrors=()), SETTINGS)
     close = rectangle(-0.4 * Y, X, 0.1 * Y + Z, 0.2, 0.2)
     a_rig = replace(a_rig, half_mirrors=(a_rig.half_mirrors[0], HalfMirror("b", close)))
     plan = compile_plan(a_rig, SETTINGS)
