@@ -76,8 +76,8 @@ def _free_in_groups() -> Iterator[float]:
         group = root / path.lstrip("/")
         for folder in (group, *group.parents):
             with suppress(OSError, ValueError, KeyError):  # "max": no limit
-                of_files = dict(map(str.split, (folder / "memory.stat").read_text().splitlines()))
                 free = int((folder / limit).read_text()) - int((folder / used).read_text())
+                of_files = dict(map(str.split, (folder / "memory.stat").read_text().splitlines()))
                 yield float(free + int(of_files[cached]))
             if folder == root:
                 break

@@ -15,6 +15,7 @@ from ..base.arrays import Floats, Ints, take
 from ..base.messages import Message
 from ..base.steps import Steps, run_steps
 from ..glass.curved import CurvedFaces
+from ..glass.paraboloids import Paraboloids
 from ..glass.quartics import LOWER, TO_BEZIER
 from ..native.loading import MOST_LAYERS, library, loaded, n_threads
 from ..native.structures import (
@@ -50,6 +51,9 @@ def _make_whole(curved: CurvedFaces) -> Made:
     if curved.has_given_normals:
         made.point("normal_terms", curved.normal_terms, float)
     made.point("to_bezier", TO_BEZIER, float)
+    made.set(n_quartics=len(curved.coefficients))
+    if isinstance(curved, Paraboloids):
+        made.point("corner_normals", curved.corner_normals, float)
     return made
 
 
@@ -170,12 +174,7 @@ def _unsupported(layers: Sequence[PlannedLayer], kind: Ints, is_polarised: bool)
         return Message("polarisation")
     if len(layers) > MOST_LAYERS:
         return UNSUPPORTED
-    if not np.isin(kind, KINDS).all() or any(
-        type(held.layer) is not Layer or type(held.layer.curved) not in (CurvedFaces, type(None))
-        for held in layers
-    ):
-        return UNSUPPORTED
-    return None
+    return None if set(KINDS).issuperset(kind.tolist()) else UNSUPPORTED
 
 
 def _make_plan(plan: Plan) -> Made | None:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, take
 from ..base.products import combine
-from ..base.steps import Steps, run_steps
+from ..base.steps import Steps
 from ..base.vectors import length_of
 from ..glass.curved import CurvedFaces
 from ..glass.meshes import Frames, boxes_of
 from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
-from ..native.loading import loaded, n_threads
+from ..native.loading import loaded
 from ..native.structures import (
     NODE,
     EngineTrianglesStructure,
@@ -24,7 +24,6 @@ from ..native.structures import (
     TreeStructure,
     TreeTaskStructure,
 )
-from .engines import EngineHits
 from .ray_engine import EngineTriangles, Layer
 
 LARGE = 1 << 17  # boxes: a larger tree takes over 0.06 s and is built in its own thread
@@ -181,26 +180,3 @@ def has_face_tree(layer: Layer) -> bool:
 def shell_tree_steps(triangles: EngineTriangles) -> Steps[Made]:
     """Make the kernel's form of engine triangles, with a tree over them, cached."""
     return cached_steps(_shell_trees, triangles, lambda: _build_shell_tree(triangles))
-
-
-class BoundingShellEngine:
-    """The kernel's tree over engine triangles, as a ray engine for the numpy tracer."""
-
-    name = "the kernel's tree"
-
-    def __init__(self, triangles: EngineTriangles) -> None:
-        self._made = run_steps(shell_tree_steps(triangles))
-
-    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> EngineHits:
-        origins, directions = (
-            np.ascontiguousarray(rays, np.float32) for rays in (origins, directions)
-        )
-        triangle = np.empty(len(origins), np.int64)
-        found = np.empty((len(origins), 6))
-        arrays = (values.ctypes.data for values in (origins, directions))
-        results = triangle.ctypes.data, found.ctypes.data
-        loaded().kiriko_shoot(
-            ctypes.addressof(self._made.structure), *arrays, len(origins), *results, n_threads()
-        )
-
-        return EngineHits(triangle, *found[:, :3].T, found[:, 3:])

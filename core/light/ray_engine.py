@@ -7,7 +7,6 @@ ray. `layer_hits.find_missed_hits` recovers rays lost by the engine.
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,23 +50,21 @@ class EngineTriangles:
     corners : (p, 3, 3) from the layer's centre, in units of its radius
     owner : (p,) the layer's triangle
     places : (p - n_whole, 3, 2) u, v of the shell triangles' corners in their face
-    given : a ready-made ray engine
     """
 
     corners: NDArray[np.float32]
     owner: Ints
     n_whole: int
     places: NDArray[np.float32]
-    given: Any = None  # a ready-made ray engine
 
     @cached_property
     def engine(self) -> Engine:
         """The ray engine, made on first use."""
-        return make_engine(self.corners) if self.given is None else self.given
+        return make_engine(self.corners)
 
     def engine_steps(self) -> Steps[None]:
         """Make the ray engine, with pauses, unless it exists."""
-        if self.given is None and "engine" not in vars(self):
+        if "engine" not in vars(self):
             vars(self)["engine"] = yield from engine_steps(self.corners)
 
     def spots(self, found: EngineHits, chosen: Bools) -> Spots:

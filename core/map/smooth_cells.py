@@ -132,24 +132,18 @@ def at_places(nodes: Floats, places: Floats) -> Floats:
     """Values (n, c) at places (n, 2), x and y in 0..1, of cells with values (n, 25, c) at their
     nodes.
     """
-    return _weighed(nodes, *(weights(along) for along in places.T))
+    return np.einsum("nk,nkc->nc", _by_node(places), nodes)
 
 
 def at_checks(nodes: Floats) -> Floats:
     """Values (n, 6, c) at the places of CHECKS, as `at_places`."""
-    n, _, c = nodes.shape
-    found = np.empty((n, len(CHECKS), c))
-    for k, (by_x, by_y) in enumerate(weights(CHECKS)):
-        both = (np.broadcast_to(by, (n, NODES_ALONG)) for by in (by_x, by_y))
-        found[:, k] = _weighed(nodes, *both)
-    return found
+    return np.matmul(_by_node(CHECKS), nodes)
 
 
-def _weighed(nodes: Floats, by_x: Floats, by_y: Floats) -> Floats:
-    """Values (n, c) of cells with values (n, 25, c), by weights (n, 5) along x and y."""
-    n, _, c = nodes.shape
-    along_x = np.einsum("ni,njic->njc", by_x, nodes.reshape(n, NODES_ALONG, NODES_ALONG, c))
-    return np.einsum("nj,njc->nc", by_y, along_x)
+def _by_node(places: Floats) -> Floats:
+    """Weights (n, 25) of a cell's nodes at places (n, 2)."""
+    by_x, by_y = weights(places).transpose(1, 0, 2)
+    return (by_y[:, :, None] * by_x[:, None]).reshape(-1, NODES_ALONG**2)
 
 
 def on_grid(nodes: Floats, m: int) -> Floats:

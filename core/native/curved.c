@@ -14,10 +14,33 @@
 #define CORNER_TURNS 32 /* faces around a corner, in each direction */
 #define FEW_STARTS 2
 
+/* Whether a face is a paraboloid, without neighbours and followed beyond its edges. */
+static bool is_paraboloid(const Curved *curved, int64_t k) { return curved->row[k] >= curved->n_quartics; }
+
+/* Coefficients of a paraboloid by the normals at its corners, relative to its facet. */
+static void load_paraboloid(const double *corner, const double *normal, double c[N_TERMS][3]) {
+    const double *a = normal, *b = normal + 3, *e = normal + 6; /* at each corner */
+    double high[3] = {0, 0, 0}; /* twice the sag of each edge: the height of a parabola */
+    for (int j = 0; j < 3; j++) {
+        high[0] += (b[j] - a[j]) * (corner[3 + j] - corner[j]);
+        high[1] += (e[j] - a[j]) * (corner[6 + j] - corner[j]);
+        high[2] += (e[j] - b[j]) * (corner[6 + j] - corner[3 + j]);
+    }
+    memset(c, 0, sizeof(double) * N_TERMS * 3);
+    for (int j = 0; j < 3; j++) {
+        double middle = (a[j] + b[j] + e[j]) / 6;
+        c[2][j] = -(c[0][j] = high[0] * middle);
+        c[4][j] = -(c[1][j] = high[1] * middle);
+        c[3][j] = high[2] * middle - c[0][j] - c[1][j];
+    }
+}
+
 /* Coefficients of points relative to the first corner. */
 static void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
     const double *from = curved->coefficients + 3 * N_TERMS * curved->row[k], *corner = curved->corners + 9 * k;
-    if (!curved->lower) {
+    if (is_paraboloid(curved, k)) {
+        load_paraboloid(corner, curved->corner_normals + 9 * k, c);
+    } else if (!curved->lower) {
         memcpy(c, from, sizeof(double) * N_TERMS * 3);
     } else {
         for (int i = 0; i < N_TERMS; i++)
@@ -124,7 +147,7 @@ static bool find_root(const Curved *curved, int64_t triangle, double u, double v
         int edge = 0;
         for (int e = 1; e < 3; e++)
             if (outside[e] < outside[edge]) edge = e;
-        if (outside[edge] >= -EDGE) return done;
+        if (outside[edge] >= -(is_paraboloid(curved, k) ? WIDE : EDGE)) return done;
         if (!done && outside[edge] > -ASIDE) return false;
         int64_t next = curved->neighbour[3 * row + edge];
         if (next < 0) return false;
@@ -148,6 +171,7 @@ void tangents(const double *d, double axes[2][3]) {
 /* Whether the box around a face's Bezier points, seen along a ray by its tangents, contains the ray. */
 bool is_in_box(const Curved *curved, int64_t k, const double *o, const double axes[2][3]) {
     double c[N_TERMS][3];
+    if (is_paraboloid(curved, k)) return true;
     load_face(curved, k, c);
     for (int a = 0; a < 2; a++) {
         const double *axis = axes[a];

@@ -27,6 +27,7 @@
 #define MOST_UNITS 4096     /* in near_misses.py */
 #define N_LEVELS 5          /* of boxes in near_misses.py */
 #define EDGE 1e-10          /* barycentric slack, as in curved.py */
+#define WIDE 0.5            /* the same for paraboloids, as in paraboloids.py */
 #define WIDER 1e-6          /* slack for a ray without a hit, as in layer_hits.py */
 #define FLOAT32 0x1p-23     /* spacing of float32 numbers just above 1 */
 
@@ -78,6 +79,8 @@ typedef struct {
     double *normal_terms;   /* (q, 14, 3), NULL if each face refracts by its own normals */
     double *lower;          /* (14, 14), NULL for degree 4 */
     double *to_bezier;      /* (15, 14) */
+    int64_t n_quartics;     /* rows: those after are paraboloids */
+    double *corner_normals; /* (t, 3, 3) of paraboloids */
 } Curved;
 
 /* The triangles around curved faces: EngineTriangles of ray_engine.py. */

@@ -7,7 +7,6 @@
 #define NEAR 0.1
 #define SHELL_SLACK 1e-9 /* barycentric, so that no ray slips between two triangles of the shell */
 #define MOST_SHELL_HITS 200  /* shell triangles hit by one ray, whose steps double each time */
-#define SHOTS_EACH_TURN 64
 
 typedef struct {
     const Layer *layer;
@@ -260,43 +259,6 @@ static void visit_shell(void *context, int32_t first, int32_t last, double *far)
             take_shot(shot, i + k, u[k], v[k], own_normal);
         }
     }
-}
-
-/* A batch of rays, and their hits. */
-typedef struct {
-    const EngineTriangles *shell;
-    const float *origins, *directions;
-    int64_t *triangle;
-    double *found;
-} Shots;
-
-static void shoot_some(void *context, int64_t first, int64_t last) {
-    const Shots *shots = context;
-    for (int64_t i = first; i < last; i++) {
-        double o[3], d[3], far = INFINITY, *found = shots->found + 6 * i;
-        for (int j = 0; j < 3; j++) {
-            o[j] = shots->origins[3 * i + j];
-            d[j] = shots->directions[3 * i + j];
-            found[j] = found[3 + j] = 0;
-        }
-        Shot shot = {.shell = shots->shell, .o = o, .d = d, .position = -1};
-        shots->triangle[i] = -1;
-        if (!isfinite(o[0] + o[1] + o[2] + d[0] + d[1] + d[2])) continue;
-        visit_tree(&shots->shell->tree, o, d, &far, visit_shell, &shot);
-        if (shot.position < 0) continue;
-        shots->triangle[i] = shots->shell->tree.items[shot.position];
-        found[0] = far;
-        found[1] = shot.u;
-        found[2] = shot.v;
-        copy(shot.normal, found + 3);
-    }
-}
-
-/* First hits of n rays on engine triangles: numbers, and (n, 6) distance, u, v and the triangle's normal. */
-KIRIKO_API void kiriko_shoot(const EngineTriangles *shell, const float *origins, const float *directions, int64_t n,
-                             int64_t *triangle, double *found, int64_t n_threads) {
-    Shots shots = {shell, origins, directions, triangle, found};
-    share_out(shoot_some, &shots, n, SHOTS_EACH_TURN, n_threads > 1 ? n_threads : 1);
 }
 
 /* Follow a ray from one triangle of the shell to the next until there is a true hit. Returns whether a face was

@@ -28,7 +28,6 @@ FUNCTIONS = {
     "kiriko_divide": (None, _P, _I),
     "kiriko_add": (None, _P, _I, _I),
     "kiriko_find_across": (_I, _P, _I, _I, _P, _I, _D, _P),
-    "kiriko_shoot": (None, _P, _P, _P, _I, _P, _P, _I),
     "kiriko_touch": (None, _P, _P, _I),
     "kiriko_paint": (None, _P, _P, _I, _P, _I, _I),
     "kiriko_find_taps": (None, _P, _P, _I, _I, _P, _I, _P, _I),

@@ -21,6 +21,7 @@ CurvedStructure = _structure(
     "CurvedStructure",
     corners=_P, row=_P, coefficients=_P, neighbour=_P, neighbour_edge=_P, vertex=_P,
     vertex_normal=_P, normal_row=_P, normal_terms=_P, lower=_P, to_bezier=_P,
+    n_quartics=_I, corner_normals=_P,
 )  # fmt: skip
 EngineTrianglesStructure = _structure(
     "HullStructure", corners=_P, owner=_P, places=_P, n_whole=_I, tree=TreeStructure

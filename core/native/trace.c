@@ -258,12 +258,12 @@ static bool find_normals(const Plan *plan, const double *d, const Hit *hit, doub
     } else {
         copy(plan->normals + 3 * hit->triangle, geometric);
         copy(geometric, shading);
-        if (plan->corner_normals && plan->is_bent[hit->triangle]) {
-            const double *corners = plan->corner_normals + 9 * hit->triangle;
-            double w = 1 - hit->u - hit->v;
-            for (int j = 0; j < 3; j++) shading[j] = w * corners[j] + hit->u * corners[3 + j] + hit->v * corners[6 + j];
-            normalise(shading);
-        }
+    }
+    if (plan->corner_normals && plan->is_bent[hit->triangle]) {
+        const double *corners = plan->corner_normals + 9 * hit->triangle;
+        double w = 1 - hit->u - hit->v;
+        for (int j = 0; j < 3; j++) shading[j] = w * corners[j] + hit->u * corners[3 + j] + hit->v * corners[6 + j];
+        normalise(shading);
     }
     if (!hit->enters)
         for (int j = 0; j < 3; j++) {

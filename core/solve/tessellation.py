@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -11,13 +13,12 @@ from ..base.steps import Steps, hold_progress, subprogress
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..glass.trust import PART
-from ..light import kernel_trees
 from ..light.compile_plan import compile_plan_steps
+from ..light.kernel_trees import cached
 from ..light.plan import Counts, Plan, PlannedLayer
 from ..light.ray_engine import Layer
 from ..light.rays import Landings, Step, Words, main_landings
 from ..light.trace import recording, tracing
-from ..native import loading
 from ..rig.rig import ROLES, Glass, Kind, Mirror, Rig, Viewer
 
 SAMPLES = 32  # rays along each side of the viewer's image
@@ -66,6 +67,9 @@ class Tessellation(NamedTuple):
         return max(("drawn", "order", "straight"), key=lambda name: getattr(self, name))
 
 
+_parabolic: WeakKeyDictionary[PlannedLayer, Layer] = WeakKeyDictionary()
+
+
 def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     """A layer with paraboloids for its flat triangles with bent normals."""
     layer = held.layer
@@ -75,15 +79,7 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
 
     faces = layer.curved or CurvedFaces.none(layer.corners)
     is_bent = plan.triangles.is_bent[held.numbers]
-    bent = layer.bent(Paraboloids.added_to(faces, is_bent, normals))
-
-    # the kernel builds its tree faster than Embree
-    if loading.library() is not None:
-        bent.engine_triangles = replace(
-            layer.engine_triangles, given=kernel_trees.BoundingShellEngine(layer.engine_triangles)
-        )
-
-    return bent
+    return layer.bent(Paraboloids.added_to(faces, is_bent, normals))
 
 
 @dataclass(eq=False)
@@ -187,7 +183,7 @@ def _error_of_facets(sample: _Sample) -> Steps[float]:
         return 0.0
 
     layers = [
-        _as_parabolic(plan, held) if so else held.layer
+        cached(_parabolic, held, partial(_as_parabolic, plan, held)) if so else held.layer
         for held, so in zip(plan.layers, is_drawn, strict=True)
     ]
     # Custom normals are exact. Mean normals are not, so paraboloids refract by their own.
