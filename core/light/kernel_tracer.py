@@ -6,6 +6,7 @@ It accesses plans, layers and rays through pointers to numpy's arrays.
 import ctypes
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import get_args
 from weakref import WeakKeyDictionary
 
@@ -141,6 +142,7 @@ KINDS = range(8)
 LAYOUTS = "crossed", "holes", "radial"
 UNSUPPORTED = Message("unsupported parts")
 _plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
+_layers: "WeakKeyDictionary[PlannedLayer, Made]" = WeakKeyDictionary()
 
 
 def _make_array(frame: ArrayFrame) -> Made:
@@ -286,7 +288,8 @@ def _point_to_elements(made: Made, plan: Plan) -> None:
 
 def _point_to_layers(made: Made, plan: Plan) -> None:
     """Point a plan to its layers, and to the order in which they are searched."""
-    layers = [make_layer(held, plan.triangles.part) for held in plan.layers]
+    part = plan.triangles.part
+    layers = [cached(_layers, held, partial(make_layer, held, part)) for held in plan.layers]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
     made.keep(layers, structures)
     made.layers = layers
@@ -379,9 +382,9 @@ def state_of(
     made = Made(RayStateStructure)
     for name, dtype in STATE.items():
         given = getattr(rays, name)
-        # not `is`: a pickled array has an equal but separate type
-        if made.point(name, given, dtype).ctypes.data != given.ctypes.data:
+        if given.dtype != dtype or not given.flags.c_contiguous:
             raise TypeError(f"{name} is no array of {np.dtype(dtype)} in one piece")
+        made.point(name, given, dtype)
 
     if rays.course is not None:
         rays.course = made.point("course", rays.course, np.uint64)

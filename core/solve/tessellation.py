@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -14,7 +13,6 @@ from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..glass.trust import PART
 from ..light.compile_plan import compile_plan_steps
-from ..light.kernel_trees import cached
 from ..light.plan import Counts, Plan, PlannedLayer
 from ..light.ray_engine import Layer
 from ..light.rays import Landings, Step, Words, main_landings
@@ -67,7 +65,9 @@ class Tessellation(NamedTuple):
         return max(("drawn", "order", "straight"), key=lambda name: getattr(self, name))
 
 
-_parabolic: WeakKeyDictionary[PlannedLayer, Layer] = WeakKeyDictionary()
+_parabolic: WeakKeyDictionary[Layer, Paraboloids] = (
+    WeakKeyDictionary()
+)  # the kernel's trees follow them
 
 
 def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
@@ -79,7 +79,13 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
 
     faces = layer.curved or CurvedFaces.none(layer.corners)
     is_bent = plan.triangles.is_bent[held.numbers]
-    return layer.bent(Paraboloids.added_to(faces, is_bent, normals))
+    bent = Paraboloids.added_to(faces, is_bent, normals)
+    before = _parabolic.setdefault(layer, bent)
+    if not all(
+        np.array_equal(getattr(before, f), getattr(bent, f)) for f in ("row", "corner_normals")
+    ):
+        before = _parabolic[layer] = bent
+    return layer.bent(before)
 
 
 @dataclass(eq=False)
@@ -183,7 +189,7 @@ def _error_of_facets(sample: _Sample) -> Steps[float]:
         return 0.0
 
     layers = [
-        cached(_parabolic, held, partial(_as_parabolic, plan, held)) if so else held.layer
+        _as_parabolic(plan, held) if so else held.layer
         for held, so in zip(plan.layers, is_drawn, strict=True)
     ]
     # Custom normals are exact. Mean normals are not, so paraboloids refract by their own.
