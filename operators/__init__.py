@@ -12,6 +12,7 @@ from . import (
     choose_rig,
     compared,
     draw_light_paths,
+    drawn,
     export,
     export_atlas,
     export_job,
@@ -155,6 +156,7 @@ def unregister() -> None:
     framing.unregister()
     live.unregister()
     compared.unregister()
+    drawn.unregister()
     work.forget()
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())

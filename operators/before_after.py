@@ -19,7 +19,9 @@ GAP = 8  # px, white, between the two saved images
 NAME = "comparison.png"
 
 
-def comparing(context: bpy.types.Context) -> Generator[float, None, compared.Compared]:
+def comparing(
+    context: bpy.types.Context, is_for_file: bool = False
+) -> Generator[float, None, compared.Compared]:
     """Solve the scene, quickly if it was solved before, and compare."""
     scene = context.scene
     rig = work.read(context).rig
@@ -27,7 +29,8 @@ def comparing(context: bpy.types.Context) -> Generator[float, None, compared.Com
     settings = work.settings_of(scene)
     yield 0.0
     solution = yield from subprogress(work.session().solve(rig, settings), 0.0, 0.7)
-    return (yield from subprogress(compared.comparing(scene, rig, solution, settings), 0.7, 1.0))
+    steps = compared.comparing(scene, rig, solution, settings, is_for_file)
+    return (yield from subprogress(steps, 0.7, 1.0))
 
 
 class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
@@ -113,7 +116,7 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
                     path=path,
                 )
 
-            made = run_steps(comparing(context)).comparison
+            made = run_steps(comparing(context, is_for_file=True)).comparison
             written = write(path, made, context.window_manager.kiriko)
             reporting.report(self, "INFO", Message("Wrote '{written}'.", written=written))
             return {"FINISHED"}

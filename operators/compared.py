@@ -20,7 +20,7 @@ from ..core.rig.rig import Rig, Viewer
 from ..core.rig.settings import Settings
 from ..core.solve.comparison import Comparer, Comparison
 from ..core.solve.solution import Solution
-from . import framing, work
+from . import drawn, framing, work
 from .windows import camera_of, view_of
 
 
@@ -52,16 +52,24 @@ def found(scene: bpy.types.Scene) -> Compared | None:
 
 
 def comparing(
-    scene: bpy.types.Scene, rig: Rig, solution: Solution, settings: Settings
+    scene: bpy.types.Scene,
+    rig: Rig,
+    solution: Solution,
+    settings: Settings,
+    is_for_file: bool = False,
 ) -> Generator[float, None, Compared]:
-    """Compare a solution, and store it for the scene; yields progress 0..1."""
+    """Compare a solution, and store it for the scene; yields progress 0..1.
+
+    is_for_file : files are always painted
+    """
     if not _comparer:
         _comparer.append(Comparer())
     # Blender's data may be gone after a pause.
     of_scene = scene.session_uid
     camera = viewer_of(scene)
     of_camera, corners = camera.session_uid, _corners(rig.viewer, camera, scene)
-    comparison = yield from _comparer[0].compare(solution, rig, settings)
+    artist = None if is_for_file or not drawn.has_shaders() else drawn
+    comparison = yield from _comparer[0].compare(solution, rig, settings, artist)
     _found[of_scene] = made = Compared(comparison, of_camera, corners)
     return made
 

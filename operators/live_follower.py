@@ -37,7 +37,7 @@ from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from ..core.solve.first_picture import coarser, enlarged, has_coarse
 from ..core.solve.memory import check_memory
-from . import compared, work
+from . import compared, drawn, work
 from .chosen import chosen_settings, uid
 from .remedies import remedies_for
 from .reporting import in_words
@@ -63,6 +63,7 @@ class NextStep:
 
 
 READING = Message("reading the scene")
+DRAWING = Message("drawing the source image")
 WRITING = Message("writing the source image")
 COMPARING = Message("comparing before and after")
 REMEDIES = Message("finding remedies")
@@ -106,6 +107,7 @@ class Live:
         """Treat everything as changed, as after undo, which may have restored the image too."""
         self.shapes = ShapeCache()
         self._drop()
+        drawn.forget()
         self._key, self._may_keep = None, False
         self.problem = ""  # may belong to an older scene
         self.touch()
@@ -180,6 +182,7 @@ class Live:
     def close(self) -> None:
         """End the work; nothing is left half-written."""
         self._drop()
+        drawn.forget()
         self.phrase = ""
         self._say("")
 
@@ -226,6 +229,7 @@ class Live:
                     self._drop()
         except KirikoError as error:
             self._drop()
+            drawn.forget()
             self._show_problem(one_line(in_words(error.message)))
         self._lasted[step] = perf_counter() - started
         self.longest[step.phrase] = max(self.longest.get(step.phrase, 0.0), self._lasted[step])
@@ -293,11 +297,13 @@ class Live:
         kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         pictures = [(rig, settings)]
-        if not is_quick and has_coarse(rig):
-            pictures.insert(0, coarser(rig, settings))
         if not is_traced:
             # check first: nothing is shown of a rig that cannot be solved
             check_memory(rig, settings, is_checked_again=True)
+        is_coarse = not is_quick and has_coarse(rig)
+        is_drawn = yield from self._draw(scene_uid, settings, is_traced, is_coarse)
+        if is_coarse and not is_drawn:
+            pictures.insert(0, coarser(rig, settings))
         for n, (a_rig, how) in enumerate(pictures):
             is_last = n == len(pictures) - 1
             began, n_before = perf_counter(), self.n_pictures
@@ -312,6 +318,7 @@ class Live:
                 yield from self._show(found, update_coarse)
         yield NextStep(WRITING, (rig.display.width, rig.display.height))
         update_solution(scene_by_uid(scene_uid), self._reading, found)
+        drawn.forget()
         if self.n_pictures == n_before:  # it was not shown before its figures
             self._note_shown()
         if not is_traced:
@@ -332,6 +339,35 @@ class Live:
         helps = yield from self._stepped(REMEDIES, remedies_for(rig, settings, found))
         write_helps(scene_by_uid(scene_uid), helps)
         redraw()
+
+    def _draw(
+        self, scene_uid: int, settings: Settings, is_traced: bool, is_coarse: bool
+    ) -> Generator[NextStep, None, bool]:
+        """Draw the first picture in place of the result's pixels, and return whether it could be
+        drawn.
+
+        is_traced, is_coarse : whether the maps are there already, or coarse ones are worth it
+        """
+        rig = self._reading.rig
+        size = rig.display.width, rig.display.height
+        image = scene_by_uid(scene_uid).kiriko.result.source
+        if image is None or tuple(image.size) != size or not drawn.can_draw(rig, settings):
+            return False
+        if not is_traced and not (is_coarse and drawn.is_fast()):
+            return False
+        of_maps = (rig, settings) if is_traced else coarser(rig, settings)
+        try:
+            steps = work.session().view_maps(*of_maps, is_coarse=not is_traced)
+            maps = yield from self._stepped(DRAWING, steps)
+        except KirikoError:
+            return False
+        yield NextStep(DRAWING, size)
+        image = scene_by_uid(scene_uid).kiriko.result.source
+        if image is None:  # removed during a pause
+            return False
+        drawn.show(image, *of_maps, maps)
+        self._note_shown()
+        return True
 
     def _draw_paths(self, rig: Rig, settings: Settings) -> Generator[NextStep, None, None]:
         """Draw the light paths again if there are any."""
@@ -390,6 +426,7 @@ class Live:
         display = self._reading.rig.display
         yield NextStep(WRITING, (display.width, display.height))
         pixels = enlarged(pixels, display.width, display.height)
+        drawn.forget()
         self._reading = update(scene_by_uid(self.uid), self._reading, pixels)
         self._note_shown()
 

@@ -11,6 +11,7 @@ from mathutils import Matrix
 from ..core.base.arrays import Floats
 from ..core.blender.data.camera_viewer import viewer_of
 from ..core.blender.view.shown_images import ShownImage, shown_images
+from ..operators import drawn
 from ..operators.windows import camera_of
 from .overlay.view_handlers import TINTED_SHADER, ViewHandlers
 
@@ -97,6 +98,9 @@ def _texture(shown: ShownImage) -> gpu.types.GPUTexture:
     its first frame. So the image is loaded at its own frame first.
     """
     image, number = shown.image, shown.number
+    texture = drawn.texture_for(image)
+    if texture is not None:
+        return texture
     if number is not None:
         if _loaded.get(image.session_uid) != number:
             image.gl_free()

@@ -15,10 +15,26 @@ from numpy.typing import NDArray
 from ..core.blender.data.image import pixels_from_image
 from ..core.files.encoding import quantised
 from ..core.rig.joined_display import Section
-from ..operators import show_window
+from ..operators import drawn, show_window
 from ..operators.export import gamma_of
 
 TOP = 255  # largest number of 8 bits
+# Of a texture: the file's numbers, or linear light, to be encoded as sRGB or with a gamma.
+NUMBERS, SRGB = -1.0, 0.0
+FRAGMENT = """
+void main() {
+    vec3 light = clamp(texelFetch(image, ivec2(floor(at)), 0).rgb, 0.0, 1.0);
+    vec3 shown = light;
+    if (encoded == 0.0) {
+        vec3 curved = 1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055;
+        shown = mix(curved, 12.92 * light, vec3(lessThanEqual(light, vec3(0.0031308))));
+    }
+    else if (encoded > 0.0) {
+        shown = pow(light, vec3(1.0 / encoded));
+    }
+    colour = vec4(shown, 1.0);
+}
+"""
 
 
 class DrawnPixels(NamedTuple):
@@ -87,8 +103,11 @@ def _draw(
     try:
         gpu.state.blend_set("NONE")
         gpu.state.depth_test_set("NONE")
+        texture = drawn.texture_for(image)
+        encoded = NUMBERS if texture is None else SRGB if gamma is None else gamma
         shader.bind()
-        shader.uniform_sampler("image", _texture(image, gamma))
+        shader.uniform_float("encoded", encoded)
+        shader.uniform_sampler("image", texture or _texture(image, gamma))
         batch.draw(shader)
     finally:
         gpu.state.blend_set(before[0])
@@ -118,10 +137,11 @@ def _shader() -> object:
         info.vertex_in(0, "VEC2", "pos")
         info.vertex_in(1, "VEC2", "place")
         info.vertex_out(between)
+        info.push_constant("FLOAT", "encoded")
         info.sampler(0, "FLOAT_2D", "image")
         info.fragment_out(0, "VEC4", "colour")
         info.vertex_source("void main() { at = place; gl_Position = vec4(pos, 0.0, 1.0); }")
-        info.fragment_source("void main() { colour = texelFetch(image, ivec2(floor(at)), 0); }")
+        info.fragment_source(FRAGMENT)
         _shaders.append(gpu.shader.create_from_info(info))
     return _shaders[0]
 

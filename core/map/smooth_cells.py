@@ -181,6 +181,17 @@ def sag(nodes: Floats) -> Floats:
     return _differences(nodes, DIFFERENCE_2) / 8
 
 
+def parts_within(xy: Floats, *errors: float) -> list[Ints]:
+    """Number of quads (c,) along the sides of smooth cells with nodes at display px (c, 25, 2), a
+    power of two, for each of some errors, display px.
+    """
+    off = PARTS * np.sqrt(sag(xy))
+    return [
+        2 ** np.ceil(np.log2(np.clip(off / error**0.5, 1, MOST_PARTS))).astype(np.int64)
+        for error in errors
+    ]
+
+
 def n_parts(xy: Floats, size: Ints, is_inside: Bools, tolerance: float) -> Ints:
     """Number of quads (c,) along the sides of smooth cells.
 
@@ -191,12 +202,7 @@ def n_parts(xy: Floats, size: Ints, is_inside: Bools, tolerance: float) -> Ints:
     is_inside : (c,) a cell lies entirely in both images
     tolerance : display px
     """
-    # for the tolerance: powers of two
-    off = PARTS * np.sqrt(sag(xy))
-    parts, cheap = (
-        2 ** np.ceil(np.log2(np.clip(off / allowed**0.5, 1, MOST_PARTS))).astype(np.int64)
-        for allowed in (OF_TOLERANCE * tolerance, CHEAP_ERROR_PX)
-    )
+    parts, cheap = parts_within(xy, OF_TOLERANCE * tolerance, CHEAP_ERROR_PX)
     parts = np.maximum(parts, np.minimum(cheap, size))
 
     # for the places: on flat glass, where one quad would keep the tolerance, only they keep the

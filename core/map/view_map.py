@@ -18,7 +18,7 @@ from . import smooth_cells
 from .cells import count_shares
 from .pieces import Piece, kernel_widths, polygons, quads_of, squares_around
 from .points import Points, in_triangles, is_in_image
-from .smooth_cells import CORNERS, PARTS, Squares, bilinear, n_parts
+from .smooth_cells import CORNERS, OF_TOLERANCE, PARTS, Squares, bilinear, n_parts
 
 
 @dataclass(eq=False)
@@ -303,6 +303,13 @@ class ViewMap:
             found[some] = yield from kernel_widths(view, xy, self.display_size)
         return found
 
+    @cached_property
+    def parts_within_tolerance(self) -> Ints:
+        """Number of quads (c,) along the sides of smooth cells, for the landings alone."""
+        xy = take(self.points.xy, self.nodes)
+        (parts,) = smooth_cells.parts_within(xy, OF_TOLERANCE * self.tolerance)
+        return np.where(smooth_cells.is_folded(xy), np.maximum(parts, self.size), parts)
+
     @property
     def n_pieces(self) -> int:
         """Number of quads, triangles and lit samples."""
@@ -347,7 +354,11 @@ class ViewMap:
         )
 
     def pieces(
-        self, at_pixels: bool = False, past_glass: bool = False, sampled: bool = True
+        self,
+        at_pixels: bool = False,
+        past_glass: bool = False,
+        sampled: bool = True,
+        parts: Ints | None = None,
     ) -> Iterator[Piece]:
         """Quads and triangles of the map, through the glass or past it.
 
@@ -355,11 +366,13 @@ class ViewMap:
             it
         past_glass : light past the glass instead
         sampled : include samples, which come last
+        parts : (c,) number of quads along the sides of smooth cells; None for those of shares
 
         Arrays are new each time and may be changed.
         """
         # smooth cells, by the number of their quads
-        parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
+        if parts is None:
+            parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
         requested = np.flatnonzero(self.is_past_glass(self.nodes[:, 0]) == past_glass)
         for m, cells in each_value(parts[requested]):
             step = max(1, QUADS_AT_ONCE // m**2)

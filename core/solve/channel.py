@@ -3,7 +3,7 @@
 Several channels share one display.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -98,6 +98,9 @@ class ChannelKey(NamedTuple):
         """Values times the channel's weight in a colour; the array itself at a weight of 1."""
         values, weight = self.viewer.weighed(values), self.colours[colour]
         return values if weight == 1 else weight * values
+
+
+ChannelMaps = Sequence[tuple[ChannelKey, ViewMap]]
 
 
 def channel_keys(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:

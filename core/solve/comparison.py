@@ -3,15 +3,18 @@
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.fingerprint import fingerprint
-from ..base.steps import hold_progress, subprogress
+from ..base.steps import Steps, hold_progress, subprogress
 from ..image.seen_image import ideal_image
+from ..map.view_map import ViewMap
 from ..rig.rig import Picture, Rig, Viewer
 from ..rig.settings import Settings
+from .channel import ChannelMaps
 from .session import Session
 from .solution import Solution, without_glass
 
@@ -41,6 +44,18 @@ class Comparison:
         return fitted(self.source_image, self.viewer)
 
 
+class Artist(Protocol):
+    """Draws images with the graphics card; rows and units as in painting (operators/drawn.py)."""
+
+    def can_draw(self, rig: Rig, settings: Settings) -> bool: ...
+
+    def source_image(self, rig: Rig, settings: Settings, maps: ChannelMaps) -> Image: ...
+
+    def seen_image(self, view_map: ViewMap, light: Image, settings: Settings) -> Image: ...
+
+    def ideal_image(self, picture: Picture, viewer: Viewer) -> Image | None: ...
+
+
 class Comparer:
     """Compares results; caches the plain picture and the ideal image while only the glass
     changes.
@@ -53,9 +68,11 @@ class Comparer:
         self._ideal: Image | None = None
 
     def compare(
-        self, solution: Solution, rig: Rig, settings: Settings
+        self, solution: Solution, rig: Rig, settings: Settings, artist: Artist | None = None
     ) -> Generator[float, None, Comparison]:
         """Compare a solution with the uncompensated picture; yields progress 0..1.
+
+        artist : draws the images instead of painting them, if it can
 
         Raises
         ------
@@ -64,15 +81,37 @@ class Comparer:
         bare = without_glass(rig)
         # Glass of index 1 has no effect, but light past it has to count.
         how = replace(settings, only_through_glass=False, suppress_glare=0.0)
-        key = fingerprint(replace(bare, glasses=()), how)
+        key = fingerprint(replace(bare, glasses=()), how, artist is None)
         if key != self._key:
-            found = yield from subprogress(self._session.solve(bare, how), 0.0, 0.7)
-            self._key, self._plain, self._ideal = key, found.source, solution.ideal()
+            plain = yield from subprogress(self._plain_source(bare, how, artist), 0.0, 0.7)
+            first = solution.first
+            ideal = artist and artist.ideal_image(rig.picture_of(first.viewer), first.viewer)
+            if ideal is None:
+                ideal = solution.ideal()
+            self._key, self._plain, self._ideal = key, plain, ideal
 
         yield 0.7
-        before = yield from hold_progress(0.7, solution.seeing(self._plain))
-        after = yield from hold_progress(0.9, solution.seeing(solution.source))
+        before = yield from hold_progress(0.7, _seen(solution, self._plain, artist))
+        after = yield from hold_progress(0.9, _seen(solution, solution.source, artist))
         return Comparison(before, after, self._ideal, solution.source, solution.first.viewer)
+
+    def _plain_source(
+        self, bare: Rig, settings: Settings, artist: Artist | None
+    ) -> Generator[float, None, Image]:
+        """The source image of a rig without glass; yields progress 0..1."""
+        if artist is None or not artist.can_draw(bare, settings):
+            return (yield from self._session.solve(bare, settings)).source
+        maps = yield from self._session.view_maps(bare, settings)
+        return artist.source_image(bare, settings, maps)
+
+
+def _seen(solution: Solution, source: Image, artist: Artist | None) -> Steps[Image]:
+    """The first viewer's image of a source image, with pauses."""
+    if artist is None:
+        return (yield from solution.seeing(source))
+    first = solution.first
+    light = solution.rig.display.light_of(source)
+    return artist.seen_image(first.view_map, light, first.plan.settings)
 
 
 def fitted(source: Image, viewer: Viewer) -> Image:

@@ -31,6 +31,7 @@ from .accuracy import LEAST_LOST, leaks
 from .channel import (
     UNTRACED,
     Channel,
+    ChannelMaps,
     Traced,
     channel_keys,
     measuring,
@@ -358,15 +359,12 @@ class Session:
         """
         clock = Clock()
         settings = settings.for_rig(rig)
-        found = []
-        keys = channel_keys(rig, settings)
         traced, painted = spans(TRACING, ("painting",))
-
-        for k, key in enumerate(keys):
-            of_it = key.viewer, key.of(settings), self._cache
-            steps = sample_reached(rig, *of_it, clock.lap, is_coarse=True)
-            _, view_map = yield from subprogress(steps, *section(traced, k, len(keys)))
-            found.append((view_map, place(view_map, rig.place_of(key.viewer), key, settings)))
+        maps = yield from subprogress(self.view_maps(rig, settings, is_coarse=True), *traced)
+        found = [
+            (view_map, place(view_map, rig.place_of(key.viewer), key, settings))
+            for key, view_map in maps
+        ]
 
         channels = [placed for _, placed in found]
         if is_sharp(rig, settings):
@@ -385,6 +383,31 @@ class Session:
             )
 
         return rig.display.source_for(finished(painting, channels, past_glass, settings))
+
+    def view_maps(
+        self, rig: Rig, settings: Settings, is_coarse: bool = False
+    ) -> Generator[float, None, ChannelMaps]:
+        """Each channel and its view map, from the cache if they are there; yields progress 0..1.
+
+        is_coarse : for a first picture, see `Sampling`; these are not cached
+        """
+        settings = settings.for_rig(rig)
+        clock = Clock()
+        of_rig = channel_keys(rig, settings)
+        if not is_coarse:
+            keys = keys_of(rig, settings)
+            if not self._has(keys):
+                self._optics, _ = yield from self._trace_missing(rig, settings, keys, clock)
+            by_key = self._optics.by_key
+            return [(one, by_key[key].view_map) for one, key in zip(of_rig, keys, strict=True)]
+
+        found = []
+        for k, one in enumerate(of_rig):
+            of_it = one.viewer, one.of(settings), self._cache
+            steps = sample_reached(rig, *of_it, clock.lap, is_coarse=True)
+            _, view_map = yield from subprogress(steps, *section((0.0, 1.0), k, len(of_rig)))
+            found.append((one, view_map))
+        return found
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
         """The rig ready for tracing, with all of its glass, from the caches."""
