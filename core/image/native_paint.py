@@ -1,29 +1,49 @@
 """Paints shares from a flat picture with the compiled kernel, as numpy does with taps."""
 
 import ctypes
+import weakref
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
-from ..base.free_memory import available
 from ..map.shares import Shares
 from ..native.image_passes import of_levels
 from ..native.loading import loaded, n_threads
-from ..native.structures import TAP, FlatTapsStructure, Made
+from ..native.structures import BYTES_OF_TAP, FlatTapsStructure, KeptTapsStructure, Made
 from .flat_picture import FlatMapping
 
-STRIPE = 1024  # display pixels per unit of a thread's work
-MOST_PIXELS = 1 << 31  # largest display with cached taps
-STAYS_FREE = 1 << 30  # bytes kept free, as cached taps only save time
+MOST_PIXELS = 1 << 31  # largest display with kept taps
+
+
+class KeptTaps:
+    """Taps in the kernel's memory."""
+
+    def __init__(self) -> None:
+        self.structure = KeptTapsStructure()
+        self.at = ctypes.addressof(self.structure)
+        weakref.finalize(self, _free, self.structure)
+
+    @property
+    def n_bytes(self) -> int:
+        return BYTES_OF_TAP * sum(self.structure.n)
+
+    @property
+    def are_whole(self) -> bool:
+        """Whether memory was enough for all of them."""
+        return min(self.structure.room) >= 0
+
+
+def _free(structure: ctypes.Structure) -> None:
+    loaded().kiriko_free_taps(ctypes.addressof(structure))
 
 
 class FlatTaps:
     """Shares and the mapping from the viewer's image to a flat picture.
 
-    The first painting computes the taps and discards them. A second painting suggests many more, as
-    for a moving picture, so it caches the taps and drops the shares.
+    The first painting computes the taps; for the next picture it keeps them instead of the shares.
 
     Parameters
     ----------
@@ -32,13 +52,10 @@ class FlatTaps:
     """
 
     def __init__(self, shares: Shares, mapping: FlatMapping, size: tuple[int, int]) -> None:
-        self.made = made = Made(FlatTapsStructure)
-        self.is_painted = False
-        self.taps: NDArray[np.void] | None = None
-        self.first = np.zeros(1, np.int64)  # first tap of each stripe, and the total
+        self.made: Made | None = Made(FlatTapsStructure)
+        self.kept: KeptTaps | None = None
 
-        index = shares.display_index
-        self.span = (int(index.min()), int(index.max()) + 1) if len(index) else (0, 0)
+        made, index = self.made, shares.display_index
         is_wide = index.dtype == np.int64
         made.point(
             "wide_pixel" if is_wide else "pixel",
@@ -63,57 +80,35 @@ class FlatTaps:
             size=np.array(size, float),
         )
 
+    @property
+    def n_bytes(self) -> float:
+        """Bytes of kept taps; infinite without room for them."""
+        return inf if self.kept is None else self.kept.n_bytes
 
-def paint(total: Floats, levels: Sequence[NDArray[np.float32]], flat_taps: FlatTaps) -> None:
+
+def paint(
+    total: Floats, levels: Sequence[NDArray[np.float32]], flat_taps: FlatTaps, are_kept: bool
+) -> None:
     """Add area * throughput * colour of shares to the sums (3, H, W) of display pixels.
 
-    Cached taps give bit-identical sums.
+    Kept taps give bit-identical sums.
 
     Parameters
     ----------
     levels : the picture at full, half, quarter ... size, (h, w, 4) float32 each, with contiguous
         rows; three channels are used
+    are_kept : whether to keep the taps
     """
     structures = of_levels(levels)
-    canvas = total.ctypes.data, total[0].size, n_threads()
-    if flat_taps.is_painted and flat_taps.taps is None and total[0].size < MOST_PIXELS:
-        _store_taps(flat_taps, structures, total[0].size)
-    flat_taps.is_painted = True
-
     at = ctypes.addressof(structures)
-    if flat_taps.taps is None:
-        structure = ctypes.addressof(flat_taps.made.structure)
-        loaded().kiriko_paint(structure, at, len(levels), *canvas)
-    else:
-        first = flat_taps.first.ctypes.data, len(flat_taps.first) - 1
-        loaded().kiriko_paint_taps(flat_taps.taps.ctypes.data, *first, at, *canvas)
-
-
-def _store_taps(flat_taps: FlatTaps, structures: ctypes.Array, n_pixels: int) -> None:
-    """Compute the taps of shares for levels of these sizes, each display pixel's in the order of
-    its shares, and drop the shares.
-    """
-    low, high = np.clip(flat_taps.span, 0, n_pixels)
-    if low >= high:
+    canvas = total.ctypes.data, total[0].size
+    if flat_taps.kept is not None:
+        loaded().kiriko_repaint(flat_taps.kept.at, at, *canvas, n_threads())
         return
-    n = np.zeros(high - low, np.int64)
-    arguments = (
-        ctypes.addressof(flat_taps.made.structure),
-        ctypes.addressof(structures),
-        len(structures),
-    )
 
-    def find(taps: int | None) -> None:
-        into = n.ctypes.data, int(low), taps
-        loaded().kiriko_find_taps(*arguments, n_pixels, *into, n_threads())
-
-    find(None)
-    ends = np.cumsum(n)
-    free = available()
-    if free is not None and TAP.itemsize * ends[-1] > free - STAYS_FREE:
-        return
-    flat_taps.taps = np.empty(ends[-1], TAP)
-    flat_taps.first = np.concatenate([[0], ends[STRIPE - 1 : -1 : STRIPE], ends[-1:]])
-    np.subtract(ends, n, out=n)  # now the index of each pixel's next tap
-    find(flat_taps.taps.ctypes.data)
-    flat_taps.made = Made(FlatTapsStructure)
+    kept = KeptTaps() if are_kept and total[0].size < MOST_PIXELS else None
+    shares = ctypes.addressof(flat_taps.made.structure)
+    to_keep = kept and kept.at
+    loaded().kiriko_paint(shares, at, len(levels), *canvas, to_keep, n_threads())
+    if kept is not None and kept.are_whole:
+        flat_taps.kept, flat_taps.made = kept, None

@@ -1,5 +1,6 @@
 """Simulates the seen image of a source image, and compares it with the ideal image."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,12 +8,16 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.steps import Steps
+from ..map.pieces import UNIT_SQUARE, Piece
 from ..map.shares import ShareBatches, add_at
 from ..rig.rig import Picture, Viewer
-from .picture import POINTS_AT_ONCE, of_square, picture_from_view
+from .flat_picture import outline_in_view
+from .outline import cut_along_outline
+from .picture import POINTS_AT_ONCE
 from .pyramid import Pyramid
+from .source_image import Painting, find_filter_taps
 
-SUBPIXELS = 2  # points per axis of an ideal pixel, each with its own footprint
+UNCUT = 2  # squares along an ideal pixel's side, if the picture's outline does not cut them
 
 
 @dataclass(frozen=True)
@@ -62,26 +67,31 @@ def seeing(batches: ShareBatches, source: NDArray[np.float32]) -> Steps[NDArray[
 
 
 def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
-    """The picture seen by the viewer without glass: (h, w, 3) linear."""
-    pyramid = Pyramid(picture.image)
-    place = picture.place
-    w, h = viewer.width, viewer.height
-    image = np.zeros((h * w, 3), np.float32)
-    offsets = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS
-    footprint = of_square(1 / SUBPIXELS)
+    """The picture seen by the viewer without glass: (h, w, 3) linear.
 
-    for first in range(0, h * w, POINTS_AT_ONCE):
-        pixels = np.arange(first, min(first + POINTS_AT_ONCE, h * w))
-        corner = np.stack([pixels % w, pixels // w], axis=1)
-        total = np.zeros((len(pixels), 3))
+    It is painted like a source image, on a display that is the viewer's own image.
+    """
+    size = viewer.width, viewer.height
+    is_cut = outline_in_view(picture.place, viewer) is not None
+    pieces = cut_along_outline(_squares(size, 1 if is_cut else UNCUT), picture.place, viewer)
+    batches = ShareBatches(
+        size, size, False, lambda: ((piece.view, piece.display, None, None) for piece in pieces)
+    )
+    painting, pyramid = Painting(size), Pyramid(picture.image)
+    for shares in batches:
+        painting.add(pyramid, find_filter_taps(picture.place, viewer, shares))
+    return painting.finished(np.ones(size[::-1]))
 
-        for dx in offsets:
-            for dy in offsets:
-                at = corner + np.array([dx, dy])
-                total += pyramid.sample(picture_from_view(place, viewer, at, footprint))
-        image[pixels] = total / SUBPIXELS**2
 
-    return image.reshape(h, w, 3)
+def _squares(size: tuple[int, int], n_along: int) -> Iterator[Piece]:
+    """Squares of a view, n along a pixel's side, with themselves as images."""
+    width, height = (n_along * n for n in size)
+    for first in range(0, width * height, POINTS_AT_ONCE):
+        number = np.arange(first, min(first + POINTS_AT_ONCE, width * height))
+        corner = np.stack([number % width, number // width], axis=1)
+        view = (corner[:, None] + UNIT_SQUARE) / n_along
+        n = len(number)
+        yield Piece(view, view.copy(), np.ones(n), np.zeros(n, np.uint64))
 
 
 @dataclass(frozen=True, eq=False)

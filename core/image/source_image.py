@@ -45,10 +45,13 @@ class Painting:
         self._total = np.empty((3, height, width))
         self._total.fill(0)
 
-    def add(self, pyramid: Pyramid, filter_taps: FilterTaps) -> None:
-        """Add shares by their filter taps (`find_filter_taps`)."""
+    def add(self, pyramid: Pyramid, filter_taps: FilterTaps, are_kept: bool = False) -> None:
+        """Add shares by their filter taps (`find_filter_taps`).
+
+        are_kept : keep the taps for another picture
+        """
         if isinstance(filter_taps, native_paint.FlatTaps):
-            native_paint.paint(self._total, pyramid.levels, filter_taps)
+            native_paint.paint(self._total, pyramid.levels, filter_taps, are_kept)
             return
         for total, values in zip(self._total, pyramid.read(filter_taps), strict=True):
             add_at(total, filter_taps.point, values)

@@ -12,6 +12,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 #if defined(_WIN32)
 #define KIRIKO_API __declspec(dllexport)
@@ -19,7 +20,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 13 /* raised when a structure's meaning changes, even at the same size */
+#define VERSION 14 /* raised when a structure's meaning changes, even at the same size */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define N_BITS 52           /* of a ray's mask, as in media.py */
@@ -242,6 +243,14 @@ typedef struct {
     int32_t pixel, level, row, column;
     float weight[4];
 } Tap;
+
+#define N_STRIPES 16 /* interleaved, of display pixels; a thread reads all shares and paints its stripes */
+
+/* Taps of each stripe in the order of its shares, for the next picture; `room` is negative where memory ran out. */
+typedef struct {
+    Tap *taps[N_STRIPES];
+    int64_t n[N_STRIPES], room[N_STRIPES];
+} KeptTaps;
 
 /* Vertices with the surface as a height field, and the ones to compute, as in vertices.py. */
 typedef struct {

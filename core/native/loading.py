@@ -14,7 +14,7 @@ MODULE = "kiriko_kernel"
 # environment variable: "off" for numpy, or the path of another library
 SWITCH = "KIRIKO_KERNEL"
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS accepts any
-VERSION = 13  # of the structures' meaning, as in kiriko.h
+VERSION = 14  # of the structures' meaning, as in kiriko.h
 MOST_LAYERS = 256
 # types of results and arguments
 FUNCTIONS = {
@@ -29,9 +29,9 @@ FUNCTIONS = {
     "kiriko_add": (None, _P, _I, _I),
     "kiriko_find_across": (_I, _P, _I, _I, _P, _I, _D, _P),
     "kiriko_touch": (None, _P, _P, _I),
-    "kiriko_paint": (None, _P, _P, _I, _P, _I, _I),
-    "kiriko_find_taps": (None, _P, _P, _I, _I, _P, _I, _P, _I),
-    "kiriko_paint_taps": (None, _P, _P, _I, _P, _P, _I, _I),
+    "kiriko_paint": (None, _P, _P, _I, _P, _I, _P, _I),
+    "kiriko_repaint": (None, _P, _P, _P, _I, _I),
+    "kiriko_free_taps": (None, _P),
     "kiriko_halve": (None, _P, _P),
     "kiriko_decode": (_I, _P, _P, *3 * [_I]),
     "kiriko_finish": (None, *4 * [_P], _I, _I),

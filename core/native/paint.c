@@ -11,8 +11,7 @@
 #define WELL_BELOW 0.999 /* of a limit: safely below it despite rounding */
 #define MOST_LEVELS 64
 #define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share: up to eight places along each side, on two levels */
-#define N_STRIPES 16    /* interleaved, of display pixels; a thread reads all shares and paints its stripes */
-#define STRIPE 1024     /* pixels */
+#define STRIPE 1024     /* display pixels */
 
 /* The four channels of a pixel, unaligned. */
 typedef float Colour __attribute__((vector_size(16), aligned(4), may_alias));
@@ -233,16 +232,32 @@ static inline void add_taps(const Level *levels, const Tap *taps, int64_t n, dou
     total[2 * n_pixels] = blue;
 }
 
-/* Shares to be painted, or to have their taps counted or stored by pixel. */
+/* Shares to be painted. */
 typedef struct {
     const FlatTaps *shares;
     Reader reader;
-    double *total;   /* NULL unless painting */
+    double *total;
     int64_t n_pixels;
-    int64_t *n;      /* number of taps of each pixel from `low` on; while storing, the index of its next tap */
-    int64_t low;
-    Tap *taps;       /* NULL while counting */
+    KeptTaps *kept;  /* NULL for none */
 } Canvas;
+
+/* Store the taps of a pixel. */
+static void keep(KeptTaps *kept, int64_t stripe, int64_t pixel, const Tap *taps, int64_t n) {
+    int64_t before = kept->n[stripe], room = kept->room[stripe];
+    if (room < 0) return;
+    if (before + n > room) {
+        room = 2 * (before + n);
+        Tap *moved = realloc(kept->taps[stripe], sizeof(Tap) * (size_t)room);
+        kept->room[stripe] = moved ? room : -1;
+        if (!moved) return;
+        kept->taps[stripe] = moved;
+    }
+    for (int64_t i = 0; i < n; i++) {
+        kept->taps[stripe][before + i] = taps[i];
+        kept->taps[stripe][before + i].pixel = (int32_t)pixel;
+    }
+    kept->n[stripe] = before + n;
+}
 
 /* Process the shares in some stripes of display pixels, in order for each pixel. */
 static void go_through_stripes(void *context, int64_t first, int64_t last) {
@@ -257,72 +272,67 @@ static void go_through_stripes(void *context, int64_t first, int64_t last) {
         if (stripe < first || stripe >= last || !find_footprint(shares, i, &footprint)) continue;
         Tap taps[MOST_TAPS]; /* only set before `end` */
         const Tap *end = read_share(&canvas->reader, &footprint, taps);
-        if (canvas->total) {
-            add_taps(canvas->reader.levels, taps, end - taps, canvas->total + pixel, n_pixels);
-            continue;
-        }
-        for (Tap *tap = taps; tap < end; tap++) {
-            tap->pixel = (int32_t)pixel;
-            int64_t *n = canvas->n + (pixel - canvas->low);
-            if (canvas->taps) canvas->taps[*n] = *tap;
-            ++*n;
-        }
+        add_taps(canvas->reader.levels, taps, end - taps, canvas->total + pixel, n_pixels);
+        if (canvas->kept) keep(canvas->kept, stripe, pixel, taps, end - taps);
     }
 }
 
-static void go_through(Canvas *canvas, const Level *levels, int64_t n_levels, int64_t n_threads) {
-    Reader *reader = &canvas->reader;
+/* Work on a few stripes at a time. */
+static void share_stripes(void (*work)(void *, int64_t, int64_t), void *context, int64_t n_threads) {
+    if (n_threads < 1) n_threads = 1;
+    int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;
+    share_out(work, context, N_STRIPES, at_once, n_threads);
+}
+
+/* Add area * throughput * colour of shares to the sums (3, n_pixels) of display pixels. The result does not depend
+   on the number of threads. `kept` takes the taps, unless it is NULL. */
+KIRIKO_API void kiriko_paint(const FlatTaps *shares, const Level *levels, int64_t n_levels, double *total,
+                             int64_t n_pixels, KeptTaps *kept, int64_t n_threads) {
+    Canvas canvas = {.shares = shares, .total = total, .n_pixels = n_pixels, .kept = kept};
+    Reader *reader = &canvas.reader;
     reader->levels = levels;
     reader->n_levels = n_levels < MOST_LEVELS ? n_levels : MOST_LEVELS;
     for (int64_t k = 0; k < reader->n_levels; k++) {
         const int64_t size[2] = {levels[k].width, levels[k].height};
         for (int a = 0; a < 2; a++) {
-            reader->grids[k].scale[a] = (double)size[a] / canvas->shares->size[a];
+            reader->grids[k].scale[a] = (double)size[a] / shares->size[a];
             reader->grids[k].most[a] = (double)(size[a] - 1);
             reader->grids[k].last[a] = size[a] > 1 ? (int32_t)(size[a] - 2) : 0;
         }
     }
     find_own_side(3 * SIDE, &reader->four);
     find_own_side(6 * SIDE, &reader->eight);
-    if (n_threads < 1) n_threads = 1;
-    int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;
-    if (reader->n_levels > 0) share_out(go_through_stripes, canvas, N_STRIPES, at_once, n_threads);
+    if (reader->n_levels > 0) share_stripes(go_through_stripes, &canvas, n_threads);
+    for (int64_t k = 0; kept && k < N_STRIPES; k++) {
+        Tap *fitted = kept->n[k] ? realloc(kept->taps[k], sizeof(Tap) * (size_t)kept->n[k]) : NULL;
+        if (fitted) kept->taps[k] = fitted;
+    }
 }
 
-/* Add area * throughput * colour of shares to the sums (3, n_pixels) of display pixels. The result does not depend
-   on the number of threads. */
-KIRIKO_API void kiriko_paint(const FlatTaps *shares, const Level *levels, int64_t n_levels, double *total,
-                             int64_t n_pixels, int64_t n_threads) {
-    Canvas canvas = {.shares = shares, .total = total, .n_pixels = n_pixels};
-    go_through(&canvas, levels, n_levels, n_threads);
-}
-
-/* Find the taps of shares from the levels' sizes: first their number for each pixel, with `taps` NULL, then the
-   taps, at each pixel's index in `n` and in the order of the shares. `n` starts at the pixel `low`. */
-KIRIKO_API void kiriko_find_taps(const FlatTaps *shares, const Level *levels, int64_t n_levels, int64_t n_pixels,
-                                 int64_t *n, int64_t low, Tap *taps, int64_t n_threads) {
-    Canvas canvas = {.shares = shares, .n_pixels = n_pixels, .n = n, .low = low, .taps = taps};
-    go_through(&canvas, levels, n_levels, n_threads);
-}
-
+/* Taps painted again. */
 typedef struct {
-    const Tap *taps;
-    const int64_t *first;
+    const KeptTaps *kept;
     const Level *levels;
     double *total;
     int64_t n_pixels;
-} Kept;
+} Repainted;
 
-/* Paint some stripes, in pixel order for locality. */
-static void paint_kept(void *context, int64_t first, int64_t last) {
-    const Kept *kept = context;
-    for (int64_t i = kept->first[first]; i < kept->first[last]; i++)
-        add_taps(kept->levels, kept->taps + i, 1, kept->total + kept->taps[i].pixel, kept->n_pixels);
+static void repaint_stripes(void *context, int64_t first, int64_t last) {
+    const Repainted *of = context;
+    for (int64_t k = first; k < last; k++) {
+        const Tap *taps = of->kept->taps[k];
+        for (int64_t i = 0; i < of->kept->n[k]; i++)
+            add_taps(of->levels, taps + i, 1, of->total + taps[i].pixel, of->n_pixels);
+    }
 }
 
-/* As kiriko_paint, from stored taps; `first` has the first tap of each stripe, and the total. */
-KIRIKO_API void kiriko_paint_taps(const Tap *taps, const int64_t *first, int64_t n_stripes, const Level *levels,
-                                  double *total, int64_t n_pixels, int64_t n_threads) {
-    Kept kept = {.taps = taps, .first = first, .levels = levels, .total = total, .n_pixels = n_pixels};
-    share_out(paint_kept, &kept, n_stripes, 16, n_threads < 1 ? 1 : n_threads);
+/* As kiriko_paint, with the same bits. */
+KIRIKO_API void kiriko_repaint(const KeptTaps *kept, const Level *levels, double *total, int64_t n_pixels,
+                               int64_t n_threads) {
+    Repainted of = {.kept = kept, .levels = levels, .total = total, .n_pixels = n_pixels};
+    share_stripes(repaint_stripes, &of, n_threads);
+}
+
+KIRIKO_API void kiriko_free_taps(KeptTaps *kept) {
+    for (int k = 0; k < N_STRIPES; k++) free(kept->taps[k]);
 }

@@ -70,6 +70,10 @@ FlatTapsStructure = _structure(
     matrix=_D * 9, low=_D * 2, high=_D * 2, size=_D * 2,
 )  # fmt: skip
 LevelStructure = _structure("LevelStructure", pixels=_P, width=_I, height=_I, stride=_I)
+N_STRIPES = 16
+KeptTapsStructure = _structure(
+    "KeptTapsStructure", taps=_P * N_STRIPES, n=_I * N_STRIPES, room=_I * N_STRIPES
+)
 FitStructure = _structure(
     "FitStructure",
     at=_P, normal=_P, axis_x=_P, axis_y=_P, size=_P, is_known=_P, is_rim=_P, first=_P, end=_P,
@@ -97,14 +101,14 @@ SumStructure = _structure(
 TreeTaskStructure = _structure(
     "GrowthStructure", boxes=_P, n=_I, nodes=_P, items=_P, n_nodes=_I, is_cancelled=_I
 )
-TAP = np.dtype([("place", np.int32, 4), ("weight", np.float32, 4)])
+BYTES_OF_TAP = 32
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
 STRUCTURES = (
     *(TreeStructure, CurvedStructure, EngineTrianglesStructure, LayerStructure),
     *(ArrayStructure, SplitStructure, PlanStructure, RayStateStructure),
-    *(DivisionStructure, FlatTapsStructure, LevelStructure, FitStructure),
-    *(ThinPartsStructure, PathsStructure, HalvingStructure, SumStructure),
+    *(DivisionStructure, FlatTapsStructure, LevelStructure, KeptTapsStructure),
+    *(FitStructure, ThinPartsStructure, PathsStructure, HalvingStructure, SumStructure),
     TreeTaskStructure,
 )
 

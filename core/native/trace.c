@@ -614,8 +614,8 @@ KIRIKO_API int64_t kiriko_layout(int64_t i) {
     const int64_t numbers[] = {
         VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(EngineTriangles),
         sizeof(Layer), sizeof(Array), sizeof(Split), sizeof(Plan), sizeof(Rays), sizeof(Division),
-        sizeof(FlatTaps), sizeof(Level), sizeof(Fit), sizeof(ThinParts), sizeof(Paths), sizeof(Halving),
-        sizeof(Sum), sizeof(TreeTask),
+        sizeof(FlatTaps), sizeof(Level), sizeof(KeptTaps), sizeof(Fit), sizeof(ThinParts), sizeof(Paths),
+        sizeof(Halving), sizeof(Sum), sizeof(TreeTask),
     };
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

@@ -79,9 +79,8 @@ class Comparer:
         RigError : the rig shows nothing even without its glass
         """
         bare = without_glass(rig)
-        # Glass of index 1 has no effect, but light past it has to count.
         how = replace(settings, only_through_glass=False, suppress_glare=0.0)
-        key = fingerprint(replace(bare, glasses=()), how, artist is None)
+        key = fingerprint(bare, how, artist is None)
         if key != self._key:
             plain = yield from subprogress(self._plain_source(bare, how, artist), 0.0, 0.7)
             first = solution.first
@@ -91,8 +90,8 @@ class Comparer:
             self._key, self._plain, self._ideal = key, plain, ideal
 
         yield 0.7
-        before = yield from hold_progress(0.7, _seen(solution, self._plain, artist))
-        after = yield from hold_progress(0.9, _seen(solution, solution.source, artist))
+        sources = self._plain, solution.source
+        before, after = yield from hold_progress(0.7, _seen(solution, sources, artist))
         return Comparison(before, after, self._ideal, solution.source, solution.first.viewer)
 
     def _plain_source(
@@ -105,13 +104,16 @@ class Comparer:
         return artist.source_image(bare, settings, maps)
 
 
-def _seen(solution: Solution, source: Image, artist: Artist | None) -> Steps[Image]:
-    """The first viewer's image of a source image, with pauses."""
+def _seen(
+    solution: Solution, sources: Sequence[Image], artist: Artist | None
+) -> Steps[Sequence[Image]]:
+    """The first viewer's images of source images, with pauses."""
     if artist is None:
-        return (yield from solution.seeing(source))
-    first = solution.first
-    light = solution.rig.display.light_of(source)
-    return artist.seen_image(first.view_map, light, first.plan.settings)
+        seen = yield from solution.seeing(np.concatenate(sources, axis=2))
+        return np.split(seen, len(sources), axis=2)
+    first, light_of = solution.first, solution.rig.display.light_of
+    settings = first.plan.settings
+    return [artist.seen_image(first.view_map, light_of(one), settings) for one in sources]
 
 
 def fitted(source: Image, viewer: Viewer) -> Image:

@@ -1,14 +1,16 @@
 """Painting: from a view map's shares to the source image, for a picture at its place."""
 
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import reduce
+from math import inf
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
+from ..base.free_memory import available
 from ..base.steps import Steps, subprogress
 from ..image.ghosts import strongest_paths
 from ..image.inverse_lookup import InverseLookup, moved_in_view
@@ -24,7 +26,7 @@ from ..rig.viewer import Viewer
 from .channel import WHITE, ChannelKey, shares_of
 from .picture_coverage import of_the_picture
 
-MOST_PLACED = 1 << 24  # shares whose filter taps are cached for the next picture
+SHARE_OF_FREE = 0.5  # of the free memory, for filter taps kept for the next picture
 PASS = 0.5  # progress of the first of two equal passes over all shares
 
 
@@ -37,6 +39,7 @@ class Placed:
     is_counted : whether coverage is complete
     lookup : the picture's place for each display pixel; None until `count`
     step : (2, H * W) picture px, from there to the place that is shown; None for no step
+    filter_taps : of all shares, for the next picture; None without memory for them
     strongest : (H * W,) light path that each pixel shows; None for the mean of all paths
     """
 
@@ -50,7 +53,7 @@ class Placed:
     step: Floats | None = None
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
-    filter_taps: list[FilterTaps] = field(default_factory=list)  # for the first batches of shares
+    filter_taps: list[FilterTaps] | None = None
     covered: tuple[float, dict[str, float]] | None = None
 
     @property
@@ -60,7 +63,7 @@ class Placed:
     def let_go(self) -> None:
         """Drop cached shares and filter taps; they are made again on demand."""
         self.shares.let_go()
-        self.filter_taps.clear()
+        self.filter_taps = None
 
     def part_done(self, n: int) -> float:
         """Progress 0..1 of a pass after n shares.
@@ -139,44 +142,48 @@ def _add(
     painting: Painting, placed: Placed, pyramid: Pyramid, clock: Clock
 ) -> Generator[float, None, None]:
     """Add the shares of a channel to a painting; yields progress 0..1."""
+    kept = placed.filter_taps
+    if kept is not None:
+        for k, filter_taps in enumerate(kept):
+            yield k / len(kept)
+            painting.add(pyramid, filter_taps)
+        clock.lap("painting")
+        return
+
     is_new = not placed.is_counted
+    room = SHARE_OF_FREE * (available() or inf) / placed.shares.n_sharing
+    kept = []
     n_painted, progress = 0, 0.0
-    n = 0
     for shares in placed.shares.pausing():
         clock.lap("shares")
         # Another solve may be half way through the same batches.
         progress = max(progress, placed.part_done(n_painted))
-        if shares is None:
-            yield progress
-            continue
-        # Hold a reference: another solve may drop them during a pause.
-        filter_taps = placed.filter_taps[n] if n < len(placed.filter_taps) else None
-        shown = None if filter_taps is not None and not is_new else placed.shown(shares)
         yield progress
+        if shares is None:
+            continue
 
+        shown = placed.shown(shares)
         if is_new:
             placed.coverage.add(shares, shown)
             clock.lap("coverage")
             yield progress
 
-        if filter_taps is None:
-            shown = placed.weighed(shown)
-            filter_taps = find_filter_taps(placed.picture, placed.viewer, shown)
-            yield progress
-        if n == len(placed.filter_taps) and n_painted < MOST_PLACED // placed.shares.n_sharing:
-            placed.filter_taps.append(filter_taps)
-
-        painting.add(pyramid, filter_taps)
+        found = find_filter_taps(placed.picture, placed.viewer, placed.weighed(shown))
+        yield progress
+        painting.add(pyramid, found, are_kept=room > 0)
+        room -= found.n_bytes
+        if room > 0:
+            kept.append(found)
+        else:
+            kept.clear()
         clock.lap("painting")
-        n += 1
 
         n_painted += len(shares)
         progress = max(progress, placed.part_done(n_painted))
         yield progress
 
     placed.is_counted = True
-    if not placed.shares.are_cached:
-        placed.filter_taps.clear()  # they save little if shares are remade
+    placed.filter_taps = kept if room > 0 else None
 
 
 def place(view_map: ViewMap, picture: PicturePlace, key: ChannelKey, settings: Settings) -> Placed:

@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import frozen
 from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.stages import AFTER, MAP, TRACING, section, spans
 from ..base.steps import Steps, hold_progress, run_steps, subprogress
 from ..image.pyramid import Pyramid, pyramids_of
-from ..image.source_image import Painting
 from ..light.compile_plan import compile_plan_steps
 from ..light.mesh_cache import MeshCache
 from ..light.plan import Plan
@@ -79,6 +79,15 @@ class PlacedParts(NamedTuple):
     settled: Settled | None = None
 
 
+class Shown(NamedTuple):
+    """The light of the last source image, and all that it was painted from."""
+
+    place: PlacedParts
+    pyramids: tuple[Pyramid, ...]
+    settings: Settings
+    light: NDArray[np.float32]
+
+
 def keys_of(rig: Rig, settings: Settings) -> tuple[str, ...]:
     """Key of each channel's view map."""
     lit = dict(zip(rig.viewers, rig.light_keys, strict=True))
@@ -110,12 +119,12 @@ def placed_for(
     for key, traced, one, picture in of_each:
         old = cached.get(key)
         if old is not None:
-            old.filter_taps.clear()  # the new channel makes its own
+            old.filter_taps = None  # the new channel makes its own
         channels.append(
             place(traced.view_map, picture, one, settings)
             if old is None
             # Filter taps and steps depend on the other channels.
-            else replace(old, key=one, filter_taps=[], step=None)
+            else replace(old, key=one, filter_taps=None, step=None)
         )
 
     for placed in channels:
@@ -232,6 +241,7 @@ class Session:
         self._optics: Optics | None = None
         self._placed: PlacedParts | None = None
         self._pyramids: tuple[Pyramid, ...] = ()  # for each channel's image
+        self._shown: Shown | None = None
         self._projections: dict[str, Projection] = {}
         self.is_tracing = False  # whether a view map is being traced
 
@@ -307,17 +317,14 @@ class Session:
         _, painted, covered, measured = spans(done, ("painting",), *rest)
         yield painted[0]
 
-        steps = self._paint(placed, rig, settings, clock)
-        placed, painting = yield from subprogress(steps, *painted)
-        yield from hold_progress(covered[0], self._take_up(optics, placed))
-        past_glass = [traced.weight_past_glass for traced in optics.channels]
-        light = finished(painting, placed.channels, past_glass, settings)
+        steps = self._light_of(placed, optics, rig, settings, clock)
+        placed, light = yield from subprogress(steps, *painted)
         source = rig.display.source_for(light)
-        clock.lap("painting")
 
         for one, _ in to_be_covered:
             check_seen(one.picture, one.viewer)
         self._placed = placed
+        self._shown = Shown(placed, self._pyramids, settings, light)
         if show is not None and (to_be_covered or to_be_measured):
             show(source)
 
@@ -433,18 +440,28 @@ class Session:
             raise why_dark(dark, (yield from leaks(dark.plan)))
         self._optics = optics
 
-    def _paint(
-        self, place: PlacedParts, rig: Rig, settings: Settings, clock: Clock
-    ) -> Generator[float, None, tuple[PlacedParts, Painting]]:
-        """Settle the viewers' disagreement if needed, and paint; yields progress 0..1."""
+    def _light_of(
+        self, place: PlacedParts, optics: Optics, rig: Rig, settings: Settings, clock: Clock
+    ) -> Generator[float, None, tuple[PlacedParts, NDArray[np.float32]]]:
+        """Settle the viewers' disagreement if needed, and paint, unless nothing changed; yields
+        progress 0..1.
+        """
+        pyramids, shown = self._pyramids_of(rig, place.channels), self._shown
+        if shown is not None and shown[:3] == (place, pyramids, settings):
+            return place, shown.light
+
         part = 0.0
         if _is_to_be_settled(place, rig):
             part = PASS
             steps = settle(place.channels, clock, is_sharp(rig, settings))
             place = place._replace(settled=(yield from subprogress(steps, 0.0, part)))
 
-        steps = paint(place.channels, self._pyramids_of(rig, place.channels), clock)
-        return place, (yield from subprogress(steps, part, 1.0))
+        painting = yield from subprogress(paint(place.channels, pyramids, clock), part, 1.0)
+        yield from hold_progress(1.0, self._take_up(optics, place))
+        past_glass = [traced.weight_past_glass for traced in optics.channels]
+        light = frozen(finished(painting, place.channels, past_glass, settings))
+        clock.lap("painting")
+        return place, light
 
     def _pyramids_of(self, rig: Rig, channels: Sequence[Placed]) -> tuple[Pyramid, ...]:
         """Pyramid of each channel's image, cached while the image stays the same."""

@@ -12,7 +12,7 @@ from ..base.messages import Message
 from ..base.numbers import millimetres
 from ..base.steps import Steps
 from ..rig.joined_display import Section, sections_of, stack
-from ..rig.rig import ConstantIndex, Rig
+from ..rig.rig import Rig
 from ..rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE
 from .channel import Channel
 from .disagreement import Settled
@@ -159,10 +159,8 @@ def with_projected(
 
 
 def without_glass(rig: Rig) -> Rig:
-    """The rig with glass of index 1, which paints the plain picture."""
-    return replace(
-        rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses)
-    )
+    """The rig without its glass, which paints the plain picture."""
+    return replace(rig, glasses=())
 
 
 # stages that the splat needs as well, once for all samples

@@ -463,7 +463,7 @@ SOLVE = [
     ),
     Row(
         "Shares cached for the next picture",
-        (instead("solve.painting.MOST_PLACED", 0),),
+        (instead("solve.painting.SHARE_OF_FREE", 0),),
         "none are kept; no image changes",
     ),
 ]

@@ -40,6 +40,7 @@ from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
 from known.reference_rigs import ball_rig, box, cube_rig, glass_rig, lattice_image, rig
 
+from . import defaults
 from .brought_glass import GLASSES, OTHERS, filled, made
 from .runner import Bench, Row, option, run
 
@@ -225,4 +226,5 @@ if __name__ == "__main__":
             TABLED, {"solve s": ".2f", **dict.fromkeys(SHARES, ".1f")}, measure_stages, mean="mean"
         ),
         light=Bench(TABLED, LIGHT, measure_light),
+        defaults=Bench(defaults.DEFAULTS, defaults.COLUMNS, defaults.measure, is_apart=True),
     )

@@ -15,6 +15,7 @@ from kiriko.core.light import ray_engine
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
+from kiriko.core.image.source_image import Painting
 from kiriko.core.map import rasterise, shares
 from kiriko.core.native import loading
 from kiriko.core.rig.mesh import FURTHEST
@@ -146,7 +147,7 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     monkeypatch.setattr(shares, "MOST_CACHED", n // 2)
     monkeypatch.setattr(rasterise, "SHARES_AT_ONCE", n // 5)
     monkeypatch.setattr(rasterise, "PARTS_AT_ONCE", n // 20)
-    monkeypatch.setattr(painting, "MOST_PLACED", 2)
+    monkeypatch.setattr(painting, "SHARE_OF_FREE", 0)
     kept = Session()
 
     for some, one in zip((a_rig, other), expected, strict=True):
@@ -164,6 +165,20 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
         assert found.picture_coverage == pytest.approx(one.picture_coverage, rel=1e-9)
 
     assert found.n_rays == 0
+
+
+@pytest.mark.numpy_alone
+def test_nothing_new_paints_nothing(monkeypatch):
+    """The same rig and settings again: the same source image, with no picture read; any setting
+    of its light changes it.
+    """
+    kept, a_rig = Session(), small()
+    expected = solve(a_rig, kept)
+    with monkeypatch.context() as patch:
+        patch.setattr(Painting, "add", lambda *_, **__: pytest.fail("painted again"))
+        assert np.array_equal(solve(a_rig, kept).source, expected.source)
+    assert not np.array_equal(solve(a_rig, kept, margin=2).source, expected.source)
+    assert np.array_equal(solve(a_rig, kept).source, expected.source)
 
 
 def test_a_picture_changed_in_its_place_is_painted_anew():

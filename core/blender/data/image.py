@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from secrets import token_hex
+from weakref import ref
 
 import bpy
 import numpy as np
@@ -18,7 +19,10 @@ THUMBNAIL = 256  # px, Blender's largest size
 UNPACKED = ""  # its packed file, if any, has older pixels
 PACKED_MARK = "kiriko_packed"  # on an image: identifies its packed file
 WORKING_MARK = "kiriko_working"  # on an image: the matrix to Rec.709 of the space it was made in
-_read: dict[int, str] = {}  # the packed file of the pixels in memory, by session uid of the image
+# by session uid of the image: the packed file of the pixels in memory; a packed file, and the
+# array it was made from
+_read: dict[int, str] = {}
+_packed: dict[int, tuple[str, "ref[NDArray[np.float32]]"]] = {}
 
 
 @contextmanager
@@ -164,6 +168,18 @@ def read_again(image: bpy.types.Image) -> bool:
     image.buffers_free()
     _read[image.session_uid] = packed
     return True
+
+
+def note_packed(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
+    """Remember the array that an image was packed from."""
+    _packed[image.session_uid] = image[PACKED_MARK], ref(pixels)
+
+
+def is_packed_from(image: bpy.types.Image, pixels: NDArray[np.float32]) -> bool:
+    """Whether an image was packed from this very array, with nothing done to it since."""
+    mark, array = _packed.get(image.session_uid, ("", lambda: None))
+    is_same = array() is pixels and image.get(PACKED_MARK) == mark
+    return is_same and not image.is_dirty and is_in_working_space(image)
 
 
 def is_out_of_date(image: bpy.types.Image) -> bool:

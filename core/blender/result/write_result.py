@@ -17,6 +17,8 @@ from ..data.image import (
     holds,
     image_from_pixels,
     is_in_working_space,
+    is_packed_from,
+    note_packed,
     or_none,
     pack,
     pixels_from_image,
@@ -112,6 +114,14 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
     return image
 
 
+def _show_on_displays(scene: bpy.types.Scene, reading: Reading) -> list[str]:
+    """Show the source image as it is on the displays and in the result; returns remarks."""
+    image = scene.kiriko.result.source
+    _note_sections(image, reading.rig)
+    _show_source(scene)
+    return put_on_displays(reading, image)
+
+
 def _show_source(scene: bpy.types.Scene) -> None:
     """Show the source image in the result, and drop the older simulation."""
     scene.kiriko.result.seen_summary = ""
@@ -142,8 +152,13 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     solution : core.solve.solution.Solution
     """
     numbers = numbers_of(scene, reading, solution)
-    image = _packed(name_for(scene, SOURCE), solution.image)
-    remarks = _put_in_place(scene, reading, image)
+    image, pixels = scene.kiriko.result.source, solution.image
+    if image is not None and is_packed_from(image, pixels):
+        remarks = _show_on_displays(scene, reading)
+    else:
+        image = _packed(name_for(scene, SOURCE), pixels)
+        note_packed(image, pixels)
+        remarks = _put_in_place(scene, reading, image)
     return _write_numbers(scene, reading, solution, numbers, remarks)
 
 
@@ -156,11 +171,8 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
     image = scene.kiriko.result.source
     pixels = solution.image
     if has_size_of(image, pixels):
-        _note_sections(image, reading.rig)
-        remarks = put_on_displays(reading, image)
-        if holds(image, pixels):
-            _show_source(scene)
-        else:
+        remarks = _show_on_displays(scene, reading)
+        if not holds(image, pixels):
             update_source(scene, pixels)
     else:
         name = f"{name_for(scene, SOURCE)} (new)"
