@@ -390,7 +390,7 @@ class Live:
         n = 0
         painted: list[NDArray[np.float32]] = []  # the final picture, before its figures
         steps = (
-            session.solve(rig, settings, painted.append)
+            session.solve(rig, settings, painted.append, is_moving=True)
             if is_last
             else session.solve_preview(rig, settings)
         )

@@ -1,6 +1,6 @@
 """Before and after: the viewer's image with the plain picture and with the source image."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol

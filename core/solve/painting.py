@@ -121,17 +121,19 @@ class Clock:
 
 
 def paint(
-    channels: Sequence[Placed], pyramids: Sequence[Pyramid], clock: Clock
+    channels: Sequence[Placed], pyramids: Sequence[Pyramid], clock: Clock, are_kept: bool = True
 ) -> Generator[float, None, Painting]:
     """Paint the shares of all channels, each with its pyramid; yields progress 0..1.
 
     The first pass also completes each channel's coverage.
+
+    are_kept : keep filter taps for the next picture; otherwise they are from the second pass on
     """
     painting = Painting(channels[0].shares.display_size)
     for k, (placed, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
         is_white = placed.key.colours == WHITE
         own = painting if is_white else Painting(placed.shares.display_size)
-        steps = _strongest_first(placed, clock, _add(own, placed, pyramid, clock))
+        steps = _strongest_first(placed, clock, _add(own, placed, pyramid, clock, are_kept))
         yield from subprogress(steps, k / len(channels), (k + 1) / len(channels))
         if not is_white:
             painting.join(own, placed.key.colours)
@@ -139,7 +141,7 @@ def paint(
 
 
 def _add(
-    painting: Painting, placed: Placed, pyramid: Pyramid, clock: Clock
+    painting: Painting, placed: Placed, pyramid: Pyramid, clock: Clock, are_kept: bool
 ) -> Generator[float, None, None]:
     """Add the shares of a channel to a painting; yields progress 0..1."""
     kept = placed.filter_taps
@@ -151,7 +153,9 @@ def _add(
         return
 
     is_new = not placed.is_counted
-    room = SHARE_OF_FREE * (available() or inf) / placed.shares.n_sharing
+    room = 0.0
+    if are_kept or not is_new:
+        room = SHARE_OF_FREE * (available() or inf) / placed.shares.n_sharing
     kept = []
     n_painted, progress = 0, 0.0
     for shares in placed.shares.pausing():

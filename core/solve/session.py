@@ -250,9 +250,11 @@ class Session:
         rig: Rig,
         settings: Settings | None = None,
         show: Callable[[NDArray[np.float32]], None] | None = None,
+        is_moving: bool = False,
     ) -> Generator[float, None, Solution]:
         """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
 
+        is_moving : the rig rather than the picture is about to change
         show : receives the source image as soon as it is painted, if there is still something to
             measure
 
@@ -267,10 +269,10 @@ class Session:
         if is_reflected(rig):
             rig = yield from hold_progress(0.0, reflect_picture(rig, settings, self._cache))
         if not rig.projectors:
-            return (yield from self._solve(rig, settings, show))
+            return (yield from self._solve(rig, settings, show, is_moving))
 
         projections = yield from subprogress(self._trace_projectors(rig, settings), 0.0, 0.4)
-        found = yield from subprogress(self._solve(rig, settings, show), 0.4, 0.9)
+        found = yield from subprogress(self._solve(rig, settings, show, is_moving), 0.4, 0.9)
         images = yield from subprogress(project(projections, rig, found.source), 0.9, 1.0)
         remarks = found.remarks + remarks_on_projectors(projections, rig, found.source)
         yield 1.0
@@ -292,7 +294,11 @@ class Session:
         return tuple(found[key] for key in keys)
 
     def _solve(
-        self, rig: Rig, settings: Settings, show: Callable[[NDArray[np.float32]], None] | None
+        self,
+        rig: Rig,
+        settings: Settings,
+        show: Callable[[NDArray[np.float32]], None] | None,
+        is_moving: bool,
     ) -> Generator[float, None, Solution]:
         """`solve` without projectors."""
         clock = Clock()
@@ -317,7 +323,7 @@ class Session:
         _, painted, covered, measured = spans(done, ("painting",), *rest)
         yield painted[0]
 
-        steps = self._light_of(placed, optics, rig, settings, clock)
+        steps = self._light_of(placed, optics, rig, settings, clock, not is_moving)
         placed, light = yield from subprogress(steps, *painted)
         source = rig.display.source_for(light)
 
@@ -377,7 +383,7 @@ class Session:
         if is_sharp(rig, settings):
             yield from hold_progress(painted[0], settle(channels, clock, is_sharp=True))
         painting = yield from subprogress(
-            paint(channels, self._pyramids_of(rig, channels), clock), *painted
+            paint(channels, self._pyramids_of(rig, channels), clock, are_kept=False), *painted
         )
         if not any(len(placed.shares) for placed in channels):
             raise RigError("The display stays dark.")
@@ -441,7 +447,13 @@ class Session:
         self._optics = optics
 
     def _light_of(
-        self, place: PlacedParts, optics: Optics, rig: Rig, settings: Settings, clock: Clock
+        self,
+        place: PlacedParts,
+        optics: Optics,
+        rig: Rig,
+        settings: Settings,
+        clock: Clock,
+        are_kept: bool,
     ) -> Generator[float, None, tuple[PlacedParts, NDArray[np.float32]]]:
         """Settle the viewers' disagreement if needed, and paint, unless nothing changed; yields
         progress 0..1.
@@ -456,7 +468,8 @@ class Session:
             steps = settle(place.channels, clock, is_sharp(rig, settings))
             place = place._replace(settled=(yield from subprogress(steps, 0.0, part)))
 
-        painting = yield from subprogress(paint(place.channels, pyramids, clock), part, 1.0)
+        steps = paint(place.channels, pyramids, clock, are_kept)
+        painting = yield from subprogress(steps, part, 1.0)
         yield from hold_progress(1.0, self._take_up(optics, place))
         past_glass = [traced.weight_past_glass for traced in optics.channels]
         light = frozen(finished(painting, place.channels, past_glass, settings))

@@ -8,7 +8,10 @@ linear, over the display pixels seen by the judge, holes as black; *as seen* wei
 much the viewer sees of it. The judge is a splat of `--reference` samples in two independent halves
 A and B: the mean of (image - A)(image - B) is the squared error without the judge's own noise. `x`:
 times Mitsuba's seconds. `apart`: fraction of the rays that Mitsuba takes elsewhere. Mitsuba loses
-rays if a mesh overlaps itself or has two coincident faces, and is no judge there.
+rays if a mesh overlaps itself or has two coincident faces, and is no judge there. `equal x`: drawn
+seconds over those that Mitsuba needs for the same error, which falls with the root of its time;
+`equal seen x`: as seen. The bench ends with 1 where `drawn x` is above MOST_X, for the ball
+MOST_BALL, or `equal seen x` above 1.
 
 `--effort`: cost and gain of *Effort*, and of more samples for the splat, in processor seconds of
 one thread. A `power` is the exponent of time by which the error falls from the row above.
@@ -45,7 +48,7 @@ from known.reference_rigs import ball_rig, glass_rig, zone_plate
 
 from . import mitsuba_splat
 from .mitsuba_splat import Judge, MitsubaSplat, image_from_sums, share_apart
-from .runner import Bench, Row, in_turns, option, run
+from .runner import MISSED, Bench, Row, in_turns, option, run
 
 GLASSES = (
     "ball", "cube", "ellipsoid", "bottle", "wine glass", "vase", "Suzanne", "text, bevelled",
@@ -53,6 +56,7 @@ GLASSES = (
     "nine balls",
 )  # fmt: skip
 SPP = 100
+MOST_X, MOST_BALL = 1.5, 0.3
 EFFORTS = 1, 4, 16, 64
 SAMPLES = 25, 50, 100, 200
 TOLERANCES = 1.0, 0.1, 0.01
@@ -122,7 +126,7 @@ def measure(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
         arguments.rounds,
     )
     theirs, drawn = image_from_sums(found["Mitsuba"]), found["drawn"].source
-    yield {
+    row = {
         "triangles": len(a_rig.glasses[0].mesh.triangles),
         **{f"{way} s": one for way, one in seconds.items()},
         "its error": judge.error(theirs),
@@ -133,6 +137,11 @@ def measure(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
         "auto x": seconds["auto"] / seconds["Mitsuba"],
         "apart %": 100 * share_apart(loop.rig, loop),
     }
+    row["equal x"] = row["drawn x"] * (row["error"] / row["its error"]) ** 2
+    row["equal seen x"] = row["drawn x"] * (row["as seen "] / row["as seen"]) ** 2
+    most = MOST_BALL if name == "ball" else MOST_X
+    is_kept = row["drawn x"] <= most and row["equal seen x"] <= 1
+    yield row | {"mark": "kept" if is_kept else MISSED}
 
 
 def measure_efforts(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
@@ -213,7 +222,7 @@ def measure_ball(name: str, _: None, arguments: argparse.Namespace) -> Iterator[
 COLUMNS = {
     "triangles": "d", "Mitsuba s": ".2f", "its error": ".4f", "as seen": ".4f", "drawn s": ".2f",
     "error": ".4f", "as seen ": ".4f", "auto s": ".2f", "drawn x": ".2f", "auto x": ".2f",
-    "apart %": ".1f",
+    "apart %": ".1f", "equal x": ".2f", "equal seen x": ".2f", "mark": "s",
 }  # fmt: skip
 EFFORT_COLUMNS = {
     "way": "", "CPU s": ".2f", "rays": "d", "sampled %": ".2f", "unresolved %": ".2f",

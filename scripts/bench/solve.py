@@ -11,6 +11,8 @@ Linux, and `told x`: its ratio to the estimate.
 core/base/stages.py. `--light`: share of the light past the glass, share of the view whose display
 pixel has a stronger path, and the PSNR, dB, of the whole view against the ideal image: by the mean,
 by the strongest path, and by the mean with Suppress Glare at 0.5 and 1.
+
+`--defaults`: rigs of Add Rig at their default sizes, see bench/defaults.py.
 """
 
 from __future__ import annotations

@@ -11,11 +11,11 @@ import pytest
 from kiriko.core.base.errors import MeshError, RigError
 from kiriko.core.glass import surfaces
 from kiriko.core.glass.meshes import geometric_normals
+from kiriko.core.image.source_image import Painting
 from kiriko.core.light import ray_engine
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
-from kiriko.core.image.source_image import Painting
 from kiriko.core.map import rasterise, shares
 from kiriko.core.native import loading
 from kiriko.core.rig.mesh import FURTHEST
