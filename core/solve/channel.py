@@ -274,6 +274,7 @@ def weight_past_glass(view_map: ViewMap, settings: Settings) -> Steps[Floats | N
 
 
 UNTRACED = Message("tracing (the optics are unchanged)")
+NOT_KEPT = Message("a faster next picture (too little memory)")
 
 MOST_STARTS = 3  # the last one includes all glasses
 

@@ -29,6 +29,7 @@ from ..rig.settings import Settings
 from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST, leaks
 from .channel import (
+    NOT_KEPT,
     UNTRACED,
     Channel,
     ChannelMaps,
@@ -344,6 +345,10 @@ class Session:
         by_display = yield from hold_progress(measured[1], _by_display(channels))
         clock.lap("coverage")
 
+        reasons = () if is_new else (UNTRACED,)
+        if not is_moving and any(one.filter_taps is None for one in placed.channels):
+            reasons += (NOT_KEPT,)
+
         yield 1.0
         return Solution(
             rig=rig,
@@ -352,7 +357,7 @@ class Session:
             seconds=clock.seconds,
             n_rays=n_rays,
             used=channels[0].plan.used,
-            left_out=channels[0].plan.left_out + (() if is_new else (UNTRACED,)),
+            left_out=channels[0].plan.left_out + reasons,
             remarks=remarks_on(channels, light) + remarks_on_displays(rig, by_display),
             by_display=by_display[0] if by_display else (),
             settled=placed.settled,

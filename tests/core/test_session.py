@@ -23,6 +23,7 @@ from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.solve import accuracy, channel, painting
 from kiriko.core.solve.accuracy import rounding_error
+from kiriko.core.solve.channel import NOT_KEPT
 from kiriko.core.solve.remarks import UNDECIDED
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.tessellation import tessellation
@@ -163,6 +164,8 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
         )
         np.testing.assert_allclose(found.first.view_coverage, one.first.view_coverage, rtol=1e-9)
         assert found.picture_coverage == pytest.approx(one.picture_coverage, rel=1e-9)
+        assert NOT_KEPT in found.left_out
+        assert NOT_KEPT not in one.left_out
 
     assert found.n_rays == 0
 
