@@ -68,7 +68,7 @@ def comparing(
     of_scene = scene.session_uid
     camera = viewer_of(scene)
     of_camera, corners = camera.session_uid, _corners(rig.viewer, camera, scene)
-    artist = None if is_for_file or not drawn.has_shaders() else drawn
+    artist = drawn if drawn.has_shaders() and not is_for_file else None
     comparison = yield from _comparer[0].compare(solution, rig, settings, artist)
     _found[of_scene] = made = Compared(comparison, of_camera, corners)
     return made

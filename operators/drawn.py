@@ -138,8 +138,10 @@ def can_draw(rig: Rig, settings: Settings) -> bool:
 
 @cache
 def has_shaders() -> bool:
-    """Whether there is a window, and its driver compiles the shaders."""
-    if bpy.app.background:
+    """Whether there is a window with a graphics card that compiles the shaders. Software renderers
+    draw no faster than the kernel paints.
+    """
+    if bpy.app.background or gpu.platform.device_type_get() == "SOFTWARE":
         return False
     try:
         _mesh_shader()
@@ -147,11 +149,6 @@ def has_shaders() -> bool:
     except Exception:  # of this very class
         return False
     return True
-
-
-def is_fast() -> bool:
-    """Whether a graphics card draws, not the processor, which paints coarse images faster."""
-    return gpu.platform.device_type_get() != "SOFTWARE"
 
 
 def _picture_sizes(rig: Rig) -> list[int]:
@@ -296,7 +293,9 @@ def _read(canvas: gpu.types.GPUOffScreen) -> Image:
     size = canvas.width, canvas.height
     with canvas.bind():
         frame = gpu.state.active_framebuffer_get()
-        numbers = frame.read_color(0, 0, *size, 4, 0, "FLOAT")
+        # numpy misreads a buffer of several dimensions of Blender 4.3
+        numbers = gpu.types.Buffer("FLOAT", 4 * size[0] * size[1])
+        frame.read_color(0, 0, *size, 4, 0, "FLOAT", data=numbers)
     return np.array(numbers, np.float32).reshape(*size[::-1], 4)[..., :3]
 
 

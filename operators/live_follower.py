@@ -50,6 +50,7 @@ PAUSE = 0.0  # s between turns: Blender handles events and draws before each any
 TURN = 0.03  # s after which a turn starts no further step
 QUICK = 0.4  # s: a rig solved faster than this gets no coarse picture first
 LONG = 0.1  # s: a longer step is announced
+REST = 0.1  # s without a change after which a drawn picture is painted
 NOTICE = 0.05  # s to let the status bar redraw before a long step
 
 
@@ -191,6 +192,7 @@ class Live:
         self._work: Generator[NextStep, None, None] | None = None
         self._pending: NextStep | None = None
         self._has_picture, self.progress = False, None
+        self._rests_at = 0.0  # time at which a drawn picture is painted
 
     def _upcoming(self) -> NextStep | None:
         """The next single step.
@@ -200,6 +202,8 @@ class Live:
         """
         if self.is_changed and (self._work is None or self._has_picture):
             return NextStep(READING, (self.shapes.is_whole,))
+        if perf_counter() < self._rests_at:
+            return None
         if (self._pending is None or self._has_picture) and self._is_to_compare:
             return NextStep(GLASS, (*_sizes(self._reading.rig),))
         return self._pending
@@ -351,9 +355,9 @@ class Live:
         rig = self._reading.rig
         size = rig.display.width, rig.display.height
         image = scene_by_uid(scene_uid).kiriko.result.source
-        if image is None or tuple(image.size) != size or not drawn.can_draw(rig, settings):
+        if image is None or tuple(image.size) != size or not (is_traced or is_coarse):
             return False
-        if not is_traced and not (is_coarse and drawn.is_fast()):
+        if not drawn.can_draw(rig, settings):
             return False
         of_maps = (rig, settings) if is_traced else coarser(rig, settings)
         try:
@@ -367,6 +371,7 @@ class Live:
             return False
         drawn.show(image, *of_maps, maps)
         self._note_shown()
+        self._rests_at = perf_counter() + REST
         return True
 
     def _draw_paths(self, rig: Rig, settings: Settings) -> Generator[NextStep, None, None]:
