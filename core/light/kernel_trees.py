@@ -63,10 +63,10 @@ def cached_steps(
 def tree_steps(boxes: Floats) -> Steps[tuple[Made, NDArray[np.int32]]]:
     """Make a tree over boxes (n, 2, 3) of about unit size, with pauses.
 
-    Also returns the box (n,) at each position.
+    Also returns the boxes (b, 4) of its blocks, the last one of a block repeated.
     """
     boxes = np.ascontiguousarray(boxes, float)
-    nodes, items = np.empty(len(boxes), NODE), np.empty(len(boxes), np.int32)
+    nodes, items = np.empty(len(boxes), NODE), np.empty((len(boxes), 4), np.int32)
     addresses = {"boxes": boxes.ctypes.data, "nodes": nodes.ctypes.data}
     task = TreeTaskStructure(n=len(boxes), items=items.ctypes.data, **addresses)
 
@@ -86,7 +86,7 @@ def tree_steps(boxes: Floats) -> Steps[tuple[Made, NDArray[np.int32]]]:
         raise MemoryError
     made = Made(TreeStructure)
     made.point("nodes", in_lines(nodes[: task.n_nodes]), NODE)
-    made.point("items", items, np.int32)
+    items = made.point("items", items[: task.n_blocks].copy(), np.int32)
     return made, items
 
 
@@ -136,9 +136,9 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Steps[Floats]:
 
 
 def _build_face_tree(layer: Layer, curved: CurvedFaces | None) -> Steps[tuple[Made, Floats]]:
-    """Make a tree over a layer's faces; also returns the facets' frames (t, 4, 3) in its order."""
+    """Make a tree over a layer's faces; also returns the facets' frames (4 b, 4, 3) in its order."""
     tree, items = yield from tree_steps((yield from _face_boxes(layer, curved)))
-    return tree, take(stack_frames(layer.frames), items)
+    return tree, take(stack_frames(layer.frames), items.ravel())
 
 
 def _build_shell_tree(triangles: EngineTriangles) -> Steps[Made]:
@@ -150,7 +150,8 @@ def _build_shell_tree(triangles: EngineTriangles) -> Steps[Made]:
 
     tree, items = yield from tree_steps(boxes)
     made = Made(EngineTrianglesStructure)
-    made.point("corners", triangles.corners[items], np.float32)
+    corners = triangles.corners.reshape(-1, 9)[items].transpose(0, 2, 1)
+    made.point("corners", corners, np.float32)
     made.point("owner", triangles.owner[items], np.int64)
     made.point("places", triangles.places, np.float32)
     made.set(n_whole=triangles.n_whole, tree=tree.structure)

@@ -46,16 +46,16 @@ typedef enum { NONE, IMAGED, STRAY_1, STRAY_2, THROUGH, REFLECTED } PlatePath;
 
 typedef enum { IMAGED_LIGHT, FOLDED_LIGHT, REFLECTED_LIGHT } Light;
 
-/* Four boxes of a tree: low and high sides along x, y and z. A box has `count` items at positions from `first` on.
-   If `count` is 0, it is the node `first`, or empty if `first` is negative. */
+/* Four boxes of a tree: low and high sides along x, y and z. Each holds a node, or the complement of a block. The low
+   sides of none are infinite. */
 typedef struct {
     float sides[6][4];
-    int32_t first[4], count[4];
+    int32_t children[4], unused[4]; /* a node fills two cache lines */
 } Node;
 
 typedef struct {
     const Node *nodes;
-    const int32_t *items;   /* at each position */
+    const int32_t *items;   /* of each block, four; the last one is repeated */
 } Tree;
 
 /* The construction of a tree over n boxes of about unit size. */
@@ -63,8 +63,9 @@ typedef struct {
     const double *boxes;    /* (n, 2, 3) */
     int64_t n;
     Node *nodes;            /* capacity n */
-    int32_t *items;         /* (n,) */
+    int32_t *items;         /* capacity (n, 4) */
     int64_t n_nodes;        /* 0 until complete, and if memory is short */
+    int64_t n_blocks;
     _Atomic int64_t is_cancelled; /* set to cancel */
 } TreeTask;
 
@@ -86,8 +87,8 @@ typedef struct {
 
 /* The triangles around curved faces: EngineTriangles of ray_engine.py. */
 typedef struct {
-    float *corners;         /* (p, 3, 3) by position, from the layer's centre, in units of its radius */
-    int64_t *owner;         /* (p,) by position */
+    float *corners;         /* (b, 9, 4) by block, from the layer's centre, in units of its radius */
+    int64_t *owner;         /* (b, 4) by position */
     float *places;          /* (p - n_whole, 3, 2) u, v of the shell triangles' corners in their face */
     int64_t n_whole;
     Tree tree;

@@ -63,6 +63,8 @@ static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
 typedef double Two __attribute__((vector_size(16)));
 typedef int64_t Truth __attribute__((vector_size(16))); /* of two comparisons */
 
+static Two two_at(const float *from) { return (Two){from[0], from[1]}; }
+
 static Two dot_two(const Two *a, const Two *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static void cross_two(const Two *a, const Two *b, Two *out) {
@@ -140,33 +142,30 @@ static void hit_facets(Search *search, const double *frames, const int32_t *numb
     }
 }
 
-static void visit_face(Search *search, int32_t position, double *far) {
-    const Layer *layer = search->layer;
-    int32_t k = layer->over_faces.items[position];
-    const Curved *curved = layer->curved;
-    Hit found;
-    if (curved->row[k] < 0) {
-        hit_facets(search, layer->facets + 12 * (int64_t)position, &k, 1, INFINITY, far);
-        return;
-    }
-    if (!is_in_box(curved, k, search->o, search->axes)) return;
-    for (int s = 0; s < search->layer->n_starts; s++) {
-        const double *at = STARTS[s];
-        if (hit_curved(curved, k, at[0], at[1], search->o, search->d, search->leaves, search->layer->tolerance, true,
-                        &found))
-            consider(search, &found, far);
-    }
-}
-
-static void visit_faces(void *context, int32_t first, int32_t last, double *far) {
+static void visit_faces(void *context, int32_t block, double *far) {
     Search *search = context;
     const Layer *layer = search->layer;
-    if (!layer->curved) {
-        hit_facets(search, layer->facets + 12 * (int64_t)first, layer->over_faces.items + first, last - first,
-                    INFINITY, far);
+    const Curved *curved = layer->curved;
+    const int32_t *items = layer->over_faces.items + 4 * (int64_t)block;
+    const double *facets = layer->facets + 48 * (int64_t)block;
+    if (!curved) {
+        hit_facets(search, facets, items, 4, INFINITY, far);
         return;
     }
-    for (int32_t i = first; i < last; i++) visit_face(search, i, far);
+    for (int i = 0; i < 4; i++) {
+        int32_t k = items[i];
+        Hit found;
+        if (i && k == items[i - 1]) return;
+        if (curved->row[k] < 0) {
+            hit_facets(search, facets + 12 * i, items + i, 1, INFINITY, far);
+            continue;
+        }
+        if (!is_in_box(curved, k, search->o, search->axes)) continue;
+        for (int s = 0; s < layer->n_starts; s++)
+            if (hit_curved(curved, k, STARTS[s][0], STARTS[s][1], search->o, search->d, search->leaves, layer->tolerance,
+                            true, &found))
+                consider(search, &found, far);
+    }
 }
 
 /* Whether the nearest face found must be passed, so the search continues beyond it. */
@@ -230,19 +229,18 @@ static void take_shot(Shot *shot, int32_t position, double u, double v, const do
     fetch_face(shot->layer->curved, k);
 }
 
-static void visit_shell(void *context, int32_t first, int32_t last, double *far) {
+static void visit_shell(void *context, int32_t block, double *far) {
     Shot *shot = context;
+    const float(*corners)[4] = (const float(*)[4])shot->shell->corners + 9 * (int64_t)block;
     const double *o = shot->o;
     Two d[3];
     for (int j = 0; j < 3; j++) d[j] = (Two){shot->d[j], shot->d[j]};
-    for (int32_t i = first; i < last; i += 2) {
-        int n_here = i + 1 < last ? 2 : 1;
-        const float *p = shot->shell->corners + 9 * (int64_t)i, *q = p + 9 * (n_here - 1);
+    for (int i = 0; i < 4; i += 2) {
         Two e1[3], e2[3], away[3], normal[3], across[3];
         for (int j = 0; j < 3; j++) {
-            Two corner = {p[j], q[j]};
-            e1[j] = (Two){p[3 + j], q[3 + j]} - corner;
-            e2[j] = (Two){p[6 + j], q[6 + j]} - corner;
+            Two corner = two_at(corners[j] + i);
+            e1[j] = two_at(corners[3 + j] + i) - corner;
+            e2[j] = two_at(corners[6 + j] + i) - corner;
             away[j] = o[j] - corner;
         }
         cross_two(e1, e2, normal);
@@ -251,12 +249,13 @@ static void visit_shell(void *context, int32_t first, int32_t last, double *far)
         Two u = dot_two(e2, across) * inverse, v = -dot_two(e1, across) * inverse;
         Truth is_met = (t > 0.0) & (t < *far) & are_within(u, v, SHELL_SLACK);
         if (!any(is_met)) continue;
-        for (int k = 0; k < n_here; k++) {
+        for (int k = 0; k < 2; k++) {
             if (!(is_met[k] && t[k] < *far)) continue; /* the first may now be nearer */
             double own_normal[3] = {normal[0][k], normal[1][k], normal[2][k]};
-            if (shot->is_outside && only_leaves_shell(shot, i + k, own_normal, -slope[k], t[k])) continue;
+            int32_t position = 4 * block + i + k;
+            if (shot->is_outside && only_leaves_shell(shot, position, own_normal, -slope[k], t[k])) continue;
             *far = t[k];
-            take_shot(shot, i + k, u[k], v[k], own_normal);
+            take_shot(shot, position, u[k], v[k], own_normal);
         }
     }
 }

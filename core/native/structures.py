@@ -99,10 +99,11 @@ SumStructure = _structure(
     pixel=_P, wide_pixel=_P, places=_P, weights=_P, n=_I, image=_P, width=_I, height=_I,
 )  # fmt: skip
 TreeTaskStructure = _structure(
-    "GrowthStructure", boxes=_P, n=_I, nodes=_P, items=_P, n_nodes=_I, is_cancelled=_I
-)
+    "GrowthStructure",
+    boxes=_P, n=_I, nodes=_P, items=_P, n_nodes=_I, n_blocks=_I, is_cancelled=_I,
+)  # fmt: skip
 BYTES_OF_TAP = 32
-NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
+NODE = np.dtype([("sides", np.float32, (6, 4)), ("children", np.int32, 4), ("unused", np.int32, 4)])
 
 STRUCTURES = (
     *(TreeStructure, CurvedStructure, EngineTrianglesStructure, LayerStructure),

@@ -6,8 +6,7 @@
 #include "tree.h"
 
 #define BINS 16
-#define FEW 4          /* items not split any further */
-#define MOST_ITEMS 16  /* items kept together if splitting has no expected gain */
+#define FEW 4          /* items of a block */
 #define BY_HALVES 40   /* from this depth on, boxes are simply halved to limit the depth to MOST_DEPTH */
 #define MOST_DEPTH 80
 
@@ -42,10 +41,9 @@ static int bin_of(double at, double low, double scale) {
     return bin > 0 ? bin < BINS ? (int)bin : BINS - 1 : 0;
 }
 
-/* The axis and bin of the best split; false if none has a gain. */
-static bool best_cut(const double *boxes, const int32_t *items, int32_t n, const Box *centres, const Box *whole,
-                     int *axis, int *cut) {
-    double best = n <= MOST_ITEMS ? n * half_area(whole) : INFINITY, scale[3];
+/* The axis and bin of the best split; false if there is none. */
+static bool best_cut(const double *boxes, const int32_t *items, int32_t n, const Box *centres, int *axis, int *cut) {
+    double best = INFINITY, scale[3];
     bool is_found = false;
     Box in_bin[3][BINS];
     int32_t counts[3][BINS] = {0};
@@ -91,9 +89,8 @@ static bool best_cut(const double *boxes, const int32_t *items, int32_t n, const
 }
 
 /* Make a binary tree; returns the number of boxes, 0 if cancelled. */
-static int64_t make_pairs(const TreeTask *task, Pair *pairs) {
+static int64_t make_pairs(const TreeTask *task, Pair *pairs, int32_t *items) {
     const double *boxes = task->boxes;
-    int32_t *items = task->items;
     int64_t n = task->n;
     struct { int32_t pair, first, count, depth; } todo[MOST_DEPTH + 2];
     int64_t n_pairs = 1;
@@ -122,7 +119,7 @@ static int64_t make_pairs(const TreeTask *task, Pair *pairs) {
 
         int axis = 0, cut = 0;
         int32_t n_before = 0;
-        if (depth < BY_HALVES && best_cut(boxes, mine, count, &centres, &whole, &axis, &cut)) {
+        if (depth < BY_HALVES && best_cut(boxes, mine, count, &centres, &axis, &cut)) {
             double scale = BINS / (centres.high[axis] - centres.low[axis]);
             for (int32_t i = 0; i < count; i++) {
                 const double *box = boxes + 6 * (int64_t)mine[i];
@@ -131,10 +128,8 @@ static int64_t make_pairs(const TreeTask *task, Pair *pairs) {
                 mine[i] = mine[n_before];
                 mine[n_before++] = item;
             }
-        } else if (count > MOST_ITEMS) {
-            n_before = count / 2; /* all in one place, or too deep: split anywhere */
         }
-        if (!n_before || n_before == count) continue;
+        if (!n_before || n_before == count) n_before = count / 2; /* all in one place, or too deep: split anywhere */
 
         pair->first = (int32_t)n_pairs;
         pair->count = 0;
@@ -156,9 +151,10 @@ static void make_tree(void *context, int64_t first_part, int64_t last_part) {
     Node *nodes = task->nodes;
     int64_t n = task->n, n_nodes = 1, n_todo = 1;
     Pair *pairs = malloc(2 * sizeof(Pair) * (size_t)n);
-    int32_t *pair_of = malloc(sizeof(int32_t) * (size_t)n); /* the pair represented by a node */
+    int32_t *pair_of = malloc(2 * sizeof(int32_t) * (size_t)n); /* the pair represented by a node */
+    int32_t *items = pair_of + n;
     int32_t todo[3 * MOST_DEPTH + 4]; /* nodes */
-    if (!pairs || !pair_of || !make_pairs(task, pairs)) {
+    if (!pairs || !pair_of || !make_pairs(task, pairs, items)) {
         free(pairs);
         free(pair_of);
         return;
@@ -186,11 +182,16 @@ static void make_tree(void *context, int64_t first_part, int64_t last_part) {
                 nodes[i].sides[2 * a][k] = pair ? (float)pair->box.low[a] - ROUNDING : INFINITY;
                 nodes[i].sides[2 * a + 1][k] = pair ? (float)pair->box.high[a] + ROUNDING : -INFINITY;
             }
-            nodes[i].count[k] = pair ? pair->count : 0;
-            nodes[i].first[k] = pair ? pair->first : -1;
-            if (!pair || pair->count) continue;
-            pair_of[n_nodes] = of[k];
-            todo[n_todo++] = nodes[i].first[k] = (int32_t)n_nodes++;
+            nodes[i].unused[k] = nodes[i].children[k] = 0;
+            if (pair && !pair->count) {
+                pair_of[n_nodes] = of[k];
+                todo[n_todo++] = nodes[i].children[k] = (int32_t)n_nodes++;
+            } else if (pair) {
+                nodes[i].children[k] = ~(int32_t)task->n_blocks;
+                for (int m = 0; m < FEW; m++)
+                    task->items[FEW * task->n_blocks + m] = items[pair->first + (m < pair->count ? m : pair->count - 1)];
+                task->n_blocks++;
+            }
         }
     }
     free(pairs);
