@@ -112,8 +112,8 @@ def make_layer(held: PlannedLayer, part: Ints) -> Made:
     made.set(
         n_triangles=layer.n_triangles,
         only_part=own[0] if (own == own[0]).all() else -1,
-        low=layer.bounds[0],
-        high=layer.bounds[1],
+        low=layer.bounds[0] - layer.tolerance,
+        high=layer.bounds[1] + layer.tolerance,
         centre=layer.centre,
         radius=layer.radius,
         tolerance=layer.tolerance,

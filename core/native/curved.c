@@ -14,11 +14,14 @@
 #define CORNER_TURNS 32 /* faces around a corner, in each direction */
 #define FEW_STARTS 2
 
+/* Coordinates of a point, and a number unused: their arithmetic goes side by side. */
+typedef double Point __attribute__((vector_size(32)));
+
 /* Whether a face is a paraboloid, without neighbours and followed beyond its edges. */
 static bool is_paraboloid(const Curved *curved, int64_t k) { return curved->row[k] >= curved->n_quartics; }
 
 /* Coefficients of a paraboloid by the normals at its corners, relative to its facet. */
-static void load_paraboloid(const double *corner, const double *normal, double c[N_TERMS][3]) {
+static void load_paraboloid(const double *corner, const double *normal, Point *c) {
     const double *a = normal, *b = normal + 3, *e = normal + 6; /* at each corner */
     double high[3] = {0, 0, 0}; /* twice the sag of each edge: the height of a parabola */
     for (int j = 0; j < 3; j++) {
@@ -26,7 +29,7 @@ static void load_paraboloid(const double *corner, const double *normal, double c
         high[1] += (e[j] - a[j]) * (corner[6 + j] - corner[j]);
         high[2] += (e[j] - b[j]) * (corner[6 + j] - corner[3 + j]);
     }
-    memset(c, 0, sizeof(double) * N_TERMS * 3);
+    memset(c, 0, sizeof(Point) * N_TERMS);
     for (int j = 0; j < 3; j++) {
         double middle = (a[j] + b[j] + e[j]) / 6;
         c[2][j] = -(c[0][j] = high[0] * middle);
@@ -35,19 +38,22 @@ static void load_paraboloid(const double *corner, const double *normal, double c
     }
 }
 
+static void load_terms(const double *from, Point *c) {
+    for (int i = 0; i < N_TERMS; i++) c[i] = (Point){from[3 * i], from[3 * i + 1], from[3 * i + 2], 0};
+}
+
 /* Coefficients of points relative to the first corner. */
-static void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
-    const double *from = curved->coefficients + 3 * N_TERMS * curved->row[k], *corner = curved->corners + 9 * k;
-    if (is_paraboloid(curved, k)) {
-        load_paraboloid(corner, curved->corner_normals + 9 * k, c);
-    } else if (!curved->lower) {
-        memcpy(c, from, sizeof(double) * N_TERMS * 3);
-    } else {
-        for (int i = 0; i < N_TERMS; i++)
-            for (int j = 0; j < 3; j++) {
-                c[i][j] = 0;
-                for (int m = 0; m < N_TERMS; m++) c[i][j] += curved->lower[N_TERMS * i + m] * from[3 * m + j];
-            }
+static void load_face(const Curved *curved, int64_t k, Point *c) {
+    const double *corner = curved->corners + 9 * k;
+    Point terms[N_TERMS];
+    if (is_paraboloid(curved, k)) load_paraboloid(corner, curved->corner_normals + 9 * k, c);
+    else load_terms(curved->coefficients + 3 * N_TERMS * curved->row[k], c);
+    if (curved->lower && !is_paraboloid(curved, k)) {
+        memcpy(terms, c, sizeof terms);
+        for (int i = 0; i < N_TERMS; i++) {
+            c[i] = (Point){0};
+            for (int m = 0; m < N_TERMS; m++) c[i] += curved->lower[N_TERMS * i + m] * terms[m];
+        }
     }
     for (int j = 0; j < 3; j++) {
         c[0][j] += corner[3 + j] - corner[j];
@@ -55,41 +61,28 @@ static void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
     }
 }
 
-static void value(const double c[N_TERMS][3], double u, double v, double *at) {
-    for (int j = 0; j < 3; j++) {
-        double u1 = c[0][j], v1 = c[1][j], u2 = c[2][j], uv = c[3][j], v2 = c[4][j], u3 = c[5][j], u2v = c[6][j];
-        double uv2 = c[7][j], v3 = c[8][j], u4 = c[9][j], u3v = c[10][j], u2v2 = c[11][j], uv3 = c[12][j];
-        double v4 = c[13][j];
-        double in_v = v1 + u * (uv + u * (u2v + u * u3v)) + v * (v2 + u * (uv2 + u * u2v2) + v * (v3 + u * uv3 + v * v4));
-        at[j] = u * (u1 + u * (u2 + u * (u3 + u * u4))) + v * in_v;
-    }
-}
-
-static void value_and_slopes(const double c[N_TERMS][3], double u, double v, double *at, double *by_u, double *by_v) {
-    for (int j = 0; j < 3; j++) {
-        double u1 = c[0][j], v1 = c[1][j], u2 = c[2][j], uv = c[3][j], v2 = c[4][j], u3 = c[5][j], u2v = c[6][j];
-        double uv2 = c[7][j], v3 = c[8][j], u4 = c[9][j], u3v = c[10][j], u2v2 = c[11][j], uv3 = c[12][j];
-        double v4 = c[13][j];
-        double p3 = u3 + u * u4, p2 = u2 + u * p3, p1 = u1 + u * p2;
-        double r = u * u3v, s = u * u2v2, r2 = u2v + r, r1 = uv + u * r2, s1 = uv2 + s;
-        double a1 = v1 + u * r1, a2 = v2 + u * s1, a3 = v3 + u * uv3;
-        double b1 = r1 + u * (r2 + r), b2 = s1 + s;
-        double q3 = a3 + v * v4, q2 = a2 + v * q3, q1 = a1 + v * q2;
-        at[j] = u * p1 + v * q1;
-        by_u[j] = p1 + u * (p2 + u * (p3 + u * u4)) + v * (b1 + v * (b2 + v * uv3));
-        by_v[j] = q1 + v * (q2 + v * (q3 + v * v4));
-    }
+/* The value, and the derivatives by u and v. */
+static inline void value_and_slopes(const Point *c, double u, double v, Point *at, Point *by_u, Point *by_v) {
+    Point p3 = c[5] + u * c[9], p2 = c[2] + u * p3, p1 = c[0] + u * p2;
+    Point r = u * c[10], s = u * c[11], r2 = c[6] + r, r1 = c[3] + u * r2, s1 = c[7] + s;
+    Point a1 = c[1] + u * r1, a2 = c[4] + u * s1, a3 = c[8] + u * c[12];
+    Point b1 = r1 + u * (r2 + r), b2 = s1 + s;
+    Point q3 = a3 + v * c[13], q2 = a2 + v * q3, q1 = a1 + v * q2;
+    *at = u * p1 + v * q1;
+    *by_u = p1 + u * (p2 + u * (p3 + u * c[9])) + v * (b1 + v * (b2 + v * c[12]));
+    *by_v = q1 + v * (q2 + v * (q3 + v * c[13]));
 }
 
 /* One step of Newton's method for u, v; returns the step's size before limiting. */
-static double step(const double c[N_TERMS][3], const double *away, const double *d, double *u, double *v) {
-    double at[3], by_u[3], by_v[3], across[3], normal[3];
-    value_and_slopes(c, *u, *v, at, by_u, by_v);
-    for (int j = 0; j < 3; j++) at[j] += away[j];
-    cross(at, d, across);
-    cross(by_u, by_v, normal);
+static double step(const Point *c, const Point *away, const double *d, double *u, double *v) {
+    Point at, by_u, by_v;
+    double across[3], normal[3];
+    value_and_slopes(c, *u, *v, &at, &by_u, &by_v);
+    at += *away;
+    cross((double *)&at, d, across);
+    cross((double *)&by_u, (double *)&by_v, normal);
     double inverse = 1.0 / dot(d, normal);
-    double du = dot(across, by_v) * inverse, dv = -dot(across, by_u) * inverse;
+    double du = dot(across, (double *)&by_v) * inverse, dv = -dot(across, (double *)&by_u) * inverse;
     double size = fabs(du) > fabs(dv) ? fabs(du) : fabs(dv);
     if (du != du || dv != dv) size = NAN;
     double limit = fmin(0.5 / size, 1.0);
@@ -103,17 +96,18 @@ static bool goes_on(double u, double v, double size) {
 }
 
 /* Newton's method on the components of point(u, v) - origin across the ray; steps and range are limited. */
-static bool newton(const double c[N_TERMS][3], const double *away, const double *d, Hit *hit) {
-    double size = 0, at[3], by_u[3], by_v[3];
+static bool newton(const Point *c, const Point *away, const double *d, Hit *hit) {
+    Point at, by_u, by_v;
+    double size = 0;
     for (int turn = 0; turn < ITERATIONS; turn++) {
         size = step(c, away, d, &hit->u, &hit->v);
         if (turn < 1) continue;
         if (!goes_on(hit->u, hit->v, size) || (turn >= PATIENCE && !(size < HOPELESS))) break;
     }
-    value_and_slopes(c, hit->u, hit->v, at, by_u, by_v);
-    for (int j = 0; j < 3; j++) at[j] += away[j];
-    hit->distance = dot(d, at);
-    cross(by_u, by_v, hit->facing);
+    value_and_slopes(c, hit->u, hit->v, &at, &by_u, &by_v);
+    at += *away;
+    hit->distance = dot(d, (double *)&at);
+    cross((double *)&by_u, (double *)&by_v, hit->facing);
     hit->enters = dot(d, hit->facing) < 0;
     return size < CONVERGED;
 }
@@ -133,7 +127,7 @@ static void step_over(const Curved *curved, int64_t row, int edge, double *u, do
 /* A root on a face or, after some walks, on another; of either side. */
 static bool find_root(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
                       int walks, Hit *hit) {
-    double c[N_TERMS][3], away[3];
+    Point c[N_TERMS], away = {0};
     hit->triangle = triangle;
     hit->is_curved = true;
     hit->u = u;
@@ -142,7 +136,7 @@ static bool find_root(const Curved *curved, int64_t triangle, double u, double v
         int64_t k = hit->triangle, row = curved->row[k];
         load_face(curved, k, c);
         for (int j = 0; j < 3; j++) away[j] = curved->corners[9 * k + j] - o[j];
-        bool done = newton(c, away, d, hit);
+        bool done = newton(c, &away, d, hit);
         double outside[3] = {hit->v, 1 - hit->u - hit->v, hit->u}; /* distances from the edges */
         int edge = 0;
         for (int e = 1; e < 3; e++)
@@ -170,13 +164,13 @@ void tangents(const double *d, double axes[2][3]) {
 
 /* Whether the box around a face's Bezier points, seen along a ray by its tangents, contains the ray. */
 bool is_in_box(const Curved *curved, int64_t k, const double *o, const double axes[2][3]) {
-    double c[N_TERMS][3];
+    Point c[N_TERMS];
     if (is_paraboloid(curved, k)) return true;
     load_face(curved, k, c);
     for (int a = 0; a < 2; a++) {
         const double *axis = axes[a];
         double seen[N_TERMS], low = 0, high = 0, at = 0; /* the first corner is the origin */
-        for (int i = 0; i < N_TERMS; i++) seen[i] = dot(c[i], axis);
+        for (int i = 0; i < N_TERMS; i++) seen[i] = dot((const double *)&c[i], axis);
         for (int j = 0; j < 3; j++) at += (o[j] - curved->corners[9 * k + j]) * axis[j];
         for (int n = 1; n <= N_TERMS; n++) {
             const double *row = curved->to_bezier + N_TERMS * n;
@@ -191,10 +185,11 @@ bool is_in_box(const Curved *curved, int64_t k, const double *o, const double ax
     return true;
 }
 
-static double facing_along(const double c[N_TERMS][3], const double *d, double u, double v, double *by_u, double *by_v) {
-    double at[3], normal[3];
-    value_and_slopes(c, u, v, at, by_u, by_v);
-    cross(by_u, by_v, normal);
+static double facing_along(const Point *c, const double *d, double u, double v, Point *by_u, Point *by_v) {
+    Point at;
+    double normal[3];
+    value_and_slopes(c, u, v, &at, by_u, by_v);
+    cross((double *)by_u, (double *)by_v, normal);
     return dot(d, normal);
 }
 
@@ -202,15 +197,16 @@ static double or_zero(double x) { return x == x ? x : 0; }
 
 /* Reflect u, v to the opposite side of the curve where the ray is tangent to the surface. */
 static void across(const Curved *curved, int64_t k, const double *d, double *u, double *v) {
-    double c[N_TERMS][3], by_u[3], by_v[3], other_u[3], other_v[3];
+    Point c[N_TERMS], by_u_here, by_v_here, other_u, other_v;
     load_face(curved, k, c);
-    double here = facing_along(c, d, *u, *v, by_u, by_v);
+    double here = facing_along(c, d, *u, *v, &by_u_here, &by_v_here);
+    const double *by_u = (double *)&by_u_here, *by_v = (double *)&by_v_here;
     double uu = dot(by_u, by_u), uv = dot(by_u, by_v), vv = dot(by_v, by_v), du = dot(d, by_u), dv = dot(d, by_v);
     double a = (vv * du - uv * dv) / (uu * vv - uv * uv), b = (uu * dv - uv * du) / (uu * vv - uv * uv);
     double size = fabs(a) > fabs(b) ? fabs(a) : fabs(b), far = 1e-3;
     a /= size;
     b /= size;
-    double way = -2 * here * far / (facing_along(c, d, *u + far * a, *v + far * b, other_u, other_v) - here);
+    double way = -2 * here * far / (facing_along(c, d, *u + far * a, *v + far * b, &other_u, &other_v) - here);
     way = or_zero(way);
     way = way < -1 ? -1 : way > 1 ? 1 : way;
     *u += way * or_zero(a);
@@ -289,15 +285,15 @@ static void bend(const Curved *curved, Hit *hit) {
     if (!curved->normal_terms) return;
     int64_t row = curved->row[hit->triangle], terms = curved->normal_row[row];
     if (terms < 0) return;
-    double c[N_TERMS][3], at[3];
     const double *corner[3];
-    memcpy(c, curved->normal_terms + 3 * N_TERMS * terms, sizeof c);
+    Point c[N_TERMS], at, by_u, by_v;
+    load_terms(curved->normal_terms + 3 * N_TERMS * terms, c);
     for (int i = 0; i < 3; i++) corner[i] = curved->vertex_normal + 3 * curved->vertex[3 * row + i];
     for (int j = 0; j < 3; j++) {
         c[0][j] += corner[1][j] - corner[0][j];
         c[1][j] += corner[2][j] - corner[0][j];
     }
-    value(c, hit->u, hit->v, at);
+    value_and_slopes(c, hit->u, hit->v, &at, &by_u, &by_v);
     for (int j = 0; j < 3; j++) hit->normal[j] = corner[0][j] + at[j];
 }
 

@@ -320,11 +320,11 @@ static inline double clip(double number, double low, double high) {
 static inline void slab(const double *low, const double *high, const double *o, const double *inverse, double *enter,
                         double *leave) {
     for (int i = 0; i < 3; i++) {
-        double a = (low[i] - o[i]) * inverse[i], b = (high[i] - o[i]) * inverse[i];
-        double near = a < b ? a : b, far = a < b ? b : a;
-        if (a != a || b != b) continue;
-        if (near > *enter) *enter = near;
-        if (far < *leave) *leave = far;
+        bool is_back = inverse[i] < 0;
+        double near = ((is_back ? high : low)[i] - o[i]) * inverse[i];
+        double far = ((is_back ? low : high)[i] - o[i]) * inverse[i];
+        *enter = near > *enter ? near : *enter;
+        *leave = far < *leave ? far : *leave;
     }
 }
 

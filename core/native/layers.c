@@ -345,20 +345,11 @@ static void turn(const double *rotation, bool is_back, double *vector) {
     }
 }
 
-static void find(Search *search, double within) {
+static void find(Search *search, double enter, double within) {
     const Layer *layer = search->layer;
-    const double *o = search->o, *d = search->d;
     Sides *sides = search->sides;
-    double low[3], high[3], inverse[3], enter = -INFINITY, leave = INFINITY;
-    bool is_inside = search->is_inside = sides->mask & layer->closed_bits[sides->cluster];
+    bool is_inside = search->is_inside;
 
-    for (int j = 0; j < 3; j++) {
-        low[j] = layer->low[j] - layer->tolerance;
-        high[j] = layer->high[j] + layer->tolerance;
-        inverse[j] = 1 / d[j];
-    }
-    slab(low, high, o, inverse, &enter, &leave);
-    if (!((enter <= leave && enter <= within && leave >= 0) || is_inside)) return;
     if (!layer->has_engine) {
         if (is_inside) within = INFINITY; /* or a self-intersecting shell would seem to end too early */
         do search_few(search, within);
@@ -369,7 +360,6 @@ static void find(Search *search, double within) {
         return;
     }
 
-    search->start = (enter > 0 ? enter : 0) - 2 * layer->tolerance;
     bool is_lost;
     if (layer->curved) {
         is_lost = search_shell(search, enter);
@@ -397,37 +387,42 @@ static void find(Search *search, double within) {
 
 /* The first true hit of a ray in a layer; its triangle is numbered as in the plan. */
 void first_hit(const Layer *layer, Sides *sides, const double *o, const double *d, double within, Hit *hit) {
-    double from[3], along[3];
-    bool leaves = false;
-    bool has_sides = layer->curved && layer->solid_bits;
-    if (has_sides) leaves = sides->mask & layer->solid_bits[sides->cluster];
-    copy(o, from);
-    copy(d, along);
+    double from[3], along[3], inverse[3], enter = -INFINITY, leave = INFINITY;
+    hit->distance = INFINITY;
+    hit->triangle = -1;
+    hit->is_curved = false;
     if (layer->rotation) {
-        for (int j = 0; j < 3; j++) from[j] -= layer->shift[j];
+        for (int j = 0; j < 3; j++) from[j] = o[j] - layer->shift[j];
+        copy(d, along);
         turn(layer->rotation, true, from);
         turn(layer->rotation, true, along);
+        o = from;
+        d = along;
     }
+    for (int j = 0; j < 3; j++) inverse[j] = 1 / d[j];
+    slab(layer->low, layer->high, o, inverse, &enter, &leave);
+    bool is_inside = sides->mask & layer->closed_bits[sides->cluster];
+    if (!((enter <= leave && enter <= within && leave >= 0) || is_inside)) return;
+    if (!isfinite(o[0] + o[1] + o[2] + d[0] + d[1] + d[2])) return; /* or without a direction */
+
+    bool leaves = layer->solid_bits && sides->mask & layer->solid_bits[sides->cluster];
     double merge = sides->plan->merge_distance;
     Search search = {
         .layer = layer,
         .sides = sides,
-        .o = from,
-        .d = along,
-        .leaves = has_sides ? &leaves : NULL,
+        .o = o,
+        .d = d,
+        .leaves = layer->curved && layer->solid_bits ? &leaves : NULL,
         .tolerance = layer->tolerance > merge ? layer->tolerance : merge,
+        .start = (enter > 0 ? enter : 0) - 2 * layer->tolerance,
         .least = -layer->tolerance,
         .wrong = INFINITY,
+        .is_inside = is_inside,
         .passed = -INFINITY,
         .last = -1,
         .hit = hit,
     };
-    hit->distance = INFINITY;
-    hit->triangle = -1;
-    hit->is_curved = false;
-    for (int j = 0; j < 3; j++)
-        if (!isfinite(from[j]) || !isfinite(along[j])) return; /* not finite, or without a direction */
-    find(&search, within);
+    find(&search, enter, within);
     if (hit->triangle < 0) return;
     hit->triangle = layer->numbers[hit->triangle];
     hit->part = layer->only_part < 0 ? sides->plan->part[hit->triangle] : layer->only_part;
