@@ -43,10 +43,10 @@ def test_no_tree_is_too_deep():
     most = 0
     while todo:
         number, n_waiting = todo.pop()
-        first, count = nodes["first"][number], nodes["count"][number]
-        n_waiting += (first >= 0).sum() - 1
+        children = nodes["children"][number]
+        n_waiting += (children != 0).sum() - 1
         most = max(most, n_waiting)
-        todo += [(k, n_waiting) for k in first[(first >= 0) & (count == 0)]]
+        todo += [(k, n_waiting) for k in children[children > 0]]
     assert 40 < most <= 256
 
 
