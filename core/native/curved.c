@@ -85,7 +85,7 @@ static double step(const Point *c, const Point *away, const double *d, double *u
     double du = dot(across, (double *)&by_v) * inverse, dv = -dot(across, (double *)&by_u) * inverse;
     double size = fabs(du) > fabs(dv) ? fabs(du) : fabs(dv);
     if (du != du || dv != dv) size = NAN;
-    double limit = fmin(0.5 / size, 1.0);
+    double limit = size > 0.5 ? 0.5 / size : 1;
     *u = fmin(fmax(*u + limit * du, -1.0), 2.0);
     *v = fmin(fmax(*v + limit * dv, -1.0), 2.0);
     return size;

@@ -342,6 +342,7 @@ typedef struct {
     int64_t cluster, last_part, gap;
     double gap_distance;
     bool is_unready;
+    double inverse[3]; /* of the direction's components */
 } Sides;
 
 void first_hit(const Layer *layer, Sides *sides, const double *o, const double *d, double within, Hit *hit);

@@ -11,7 +11,7 @@
 typedef struct {
     const Layer *layer;
     Sides *sides;
-    const double *o, *d;
+    const double *o, *d, *inverse; /* 1 / d */
     const bool *leaves;
     double axes[2][3]; /* of the ray, for curved faces */
     double start;    /* start of the search in the tree, m */
@@ -192,7 +192,7 @@ static void search_faces(Search *search, double slack, double far) {
     if (layer->curved) tangents(search->d, search->axes);
     for (int j = 0; j < 3; j++) from[j] = (search->o[j] + search->start * search->d[j] - layer->centre[j]) / layer->radius;
     far = (far + search->tolerance - search->start) / layer->radius;
-    visit_tree(&layer->over_faces, from, search->d, &far, visit_faces, search);
+    visit_tree(&layer->over_faces, from, search->inverse, &far, visit_faces, search);
 }
 
 /* A ray and its first hit on the bounding shell: place on the triangle, and normal with twice its area as length. */
@@ -277,7 +277,7 @@ static bool search_shell(Search *search, double enter) {
         Shot shot = {.shell = shell, .layer = layer, .o = from, .d = d, .position = -1};
         shot.is_outside = search->leaves && !*search->leaves;
         shot.gone = start / radius;
-        visit_tree(&shell->tree, from, d, &far, visit_shell, &shot);
+        visit_tree(&shell->tree, from, search->inverse, &far, visit_shell, &shot);
         if (shot.position < 0) break;
         double at = start + far * radius;
         int32_t primitive = shell->tree.items[shot.position];
@@ -387,7 +387,8 @@ static void find(Search *search, double enter, double within) {
 
 /* The first true hit of a ray in a layer; its triangle is numbered as in the plan. */
 void first_hit(const Layer *layer, Sides *sides, const double *o, const double *d, double within, Hit *hit) {
-    double from[3], along[3], inverse[3], enter = -INFINITY, leave = INFINITY;
+    double from[3], along[3], turned[3], enter = -INFINITY, leave = INFINITY;
+    const double *inverse = sides->inverse;
     hit->distance = INFINITY;
     hit->triangle = -1;
     hit->is_curved = false;
@@ -396,10 +397,11 @@ void first_hit(const Layer *layer, Sides *sides, const double *o, const double *
         copy(d, along);
         turn(layer->rotation, true, from);
         turn(layer->rotation, true, along);
+        for (int j = 0; j < 3; j++) turned[j] = 1 / along[j];
         o = from;
         d = along;
+        inverse = turned;
     }
-    for (int j = 0; j < 3; j++) inverse[j] = 1 / d[j];
     slab(layer->low, layer->high, o, inverse, &enter, &leave);
     bool is_inside = sides->mask & layer->closed_bits[sides->cluster];
     if (!((enter <= leave && enter <= within && leave >= 0) || is_inside)) return;
@@ -412,6 +414,7 @@ void first_hit(const Layer *layer, Sides *sides, const double *o, const double *
         .sides = sides,
         .o = o,
         .d = d,
+        .inverse = inverse,
         .leaves = layer->curved && layer->solid_bits ? &leaves : NULL,
         .tolerance = layer->tolerance > merge ? layer->tolerance : merge,
         .start = (enter > 0 ? enter : 0) - 2 * layer->tolerance,

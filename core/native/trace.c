@@ -149,7 +149,7 @@ static bool find_first_hit(Ray *ray, Hit *first) {
     Rays *rays = ray->rays;
     int64_t i = ray->i;
     const double *o = rays->positions + 3 * i, *d = rays->directions + 3 * i;
-    Sides sides = {plan, rays->mask[i], rays->cluster[i], rays->last_part[i], -1, INFINITY, false};
+    Sides sides = {plan, rays->mask[i], rays->cluster[i], rays->last_part[i], -1, INFINITY, false, {1 / d[0], 1 / d[1], 1 / d[2]}};
     double near = plan->is_by_glass ? NEAR * plan->merge_distance : 0;
 
     const Hit *nearest = NULL;

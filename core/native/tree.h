@@ -24,14 +24,16 @@ static inline void order(uint64_t *a, uint64_t *b) {
     *b = less;
 }
 
-/* Visit the items whose boxes a ray meets between 0 and far, all in units of the tree's size. */
-__attribute__((always_inline)) static inline void visit_tree(const Tree *tree, const double *o, const double *d,
+/* Visit the items whose boxes a ray meets between 0 and far, all in units of the tree's size.
+
+   along : inverse components of the direction */
+__attribute__((always_inline)) static inline void visit_tree(const Tree *tree, const double *o, const double *along,
                                                              double *far, Visit visit, void *context) {
     uint64_t waiting[MOST_WAITING]; /* a box: the bits of its distance, as great as itself, and its node or block */
     Floats from[3], inverse[3];
     int near_side[3], n = 1;
     for (int a = 0; a < 3; a++) {
-        float at = (float)o[a], one = (float)(1 / d[a]);
+        float at = (float)o[a], one = (float)along[a];
         from[a] = (Floats){at, at, at, at};
         inverse[a] = (Floats){one, one, one, one};
         near_side[a] = 2 * a + (one < 0);
