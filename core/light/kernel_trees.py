@@ -136,7 +136,7 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Steps[Floats]:
 
 
 def _build_face_tree(layer: Layer, curved: CurvedFaces | None) -> Steps[tuple[Made, Floats]]:
-    """Make a tree over a layer's faces; also returns the facets' frames (4 b, 4, 3) in its order."""
+    """Make a tree over a layer's faces; also returns the frames (4 b, 4, 3) of its blocks."""
     tree, items = yield from tree_steps((yield from _face_boxes(layer, curved)))
     return tree, take(stack_frames(layer.frames), items.ravel())
 
