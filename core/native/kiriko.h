@@ -20,7 +20,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 14 /* raised when a structure's meaning changes, even at the same size */
+#define VERSION 15 /* raised when a structure's meaning changes, even at the same size */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define N_BITS 52           /* of a ray's mask, as in media.py */
