@@ -20,17 +20,21 @@ class Paraboloids(CurvedFaces):
     """Curved faces, and paraboloids over flat triangles, approximating their bent normals (t, 3,
     3).
 
-    Rows from `first` on are paraboloids.
+    Rows from `first` on are paraboloids, those before are the `others`, None without any.
     """
 
     corner_normals: Floats | None = None
     first: int = 0
+    others: CurvedFaces | None = None
 
     @classmethod
-    def added_to(cls, faces: CurvedFaces, is_bent: Bools, corner_normals: Floats) -> "Paraboloids":
-        """Curved faces plus paraboloids over flat triangles with bent (t,) normals at their corners
-        (t, 3, 3).
+    def added_to(
+        cls, others: CurvedFaces | None, corners: Floats, is_bent: Bools, corner_normals: Floats
+    ) -> "Paraboloids":
+        """Curved faces, if there are others, plus paraboloids over flat triangles (t, 3, 3) with
+        bent (t,) normals at their corners (t, 3, 3).
         """
+        faces = others or CurvedFaces.none(corners)
         n = int(is_bent.sum())
         first = len(faces.coefficients)
         row = faces.row.copy()
@@ -46,7 +50,7 @@ class Paraboloids(CurvedFaces):
             "normal_row": np.concatenate([faces.normal_row, none[:, 0]]),
             "bent_row": np.concatenate([faces.bent_row, none[:, 0]]),
         }
-        return cls(**columns, corner_normals=corner_normals, first=first)
+        return cls(**columns, corner_normals=corner_normals, first=first, others=others)
 
     def slack(self, row: Ints) -> Floats:
         """Barycentric distance to which faces of rows (n,) are followed beyond their edges."""

@@ -15,6 +15,7 @@ from ..base.steps import Steps
 from ..base.vectors import length_of
 from ..glass.curved import CurvedFaces
 from ..glass.meshes import Frames, boxes_of
+from ..glass.paraboloids import Paraboloids
 from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
 from ..native.loading import loaded
 from ..native.structures import (
@@ -166,8 +167,16 @@ def frames_of(frames: Frames) -> Floats:
 
 def face_tree_steps(layer: Layer) -> Steps[tuple[Made, Floats]]:
     """Make a tree over a layer's faces, cached; also returns the facets' frames in its order."""
+    faces = _treed(layer)
+    return cached_steps(_trees, faces or layer.frames, lambda: _build_face_tree(layer, faces))
+
+
+def _treed(layer: Layer) -> CurvedFaces | None:
+    """The curved faces in the tree over a layer's faces. Paraboloids are in it as facets: a ray
+    that slips through between them is not compared.
+    """
     whole = None if layer.curved is None else layer.curved.whole
-    return cached_steps(_trees, whole or layer.frames, lambda: _build_face_tree(layer, whole))
+    return whole.others if isinstance(whole, Paraboloids) else whole
 
 
 def has_face_tree(layer: Layer) -> bool:
@@ -175,7 +184,8 @@ def has_face_tree(layer: Layer) -> bool:
 
     Behind a bounding shell only lost rays need it, which most glass never has.
     """
-    return layer.curved is None or layer.curved.whole in _trees
+    faces = _treed(layer)
+    return faces is None or faces in _trees
 
 
 def shell_tree_steps(triangles: EngineTriangles) -> Steps[Made]:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -65,11 +64,6 @@ class Tessellation(NamedTuple):
         return max(("drawn", "order", "straight"), key=lambda name: getattr(self, name))
 
 
-_parabolic: WeakKeyDictionary[Layer, Paraboloids] = (
-    WeakKeyDictionary()
-)  # the kernel's trees follow them
-
-
 def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     """A layer with paraboloids for its flat triangles with bent normals."""
     layer = held.layer
@@ -77,15 +71,8 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     if layer.motion is not None:
         normals = normals @ layer.motion.rotation
 
-    faces = layer.curved or CurvedFaces.none(layer.corners)
     is_bent = plan.triangles.is_bent[held.numbers]
-    bent = Paraboloids.added_to(faces, is_bent, normals)
-    before = _parabolic.setdefault(layer, bent)
-    if not all(
-        np.array_equal(getattr(before, f), getattr(bent, f)) for f in ("row", "corner_normals")
-    ):
-        before = _parabolic[layer] = bent
-    return layer.bent(before)
+    return layer.bent(Paraboloids.added_to(layer.curved, layer.corners, is_bent, normals))
 
 
 @dataclass(eq=False)
