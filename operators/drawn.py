@@ -280,9 +280,9 @@ def _blended(mode: str) -> Iterator[None]:
 
 
 def _empty(size: tuple[int, int]) -> gpu.types.GPUOffScreen:
-    """The cleared canvas of sums."""
+    """The cleared canvas of sums: in half floats, because not every backend blends others."""
     if not _canvas or (_canvas[0].width, _canvas[0].height) != size:
-        _canvas[:] = [gpu.types.GPUOffScreen(*size, format="RGBA32F")]
+        _canvas[:] = [gpu.types.GPUOffScreen(*size, format="RGBA16F")]
     with _canvas[0].bind():
         gpu.state.active_framebuffer_get().clear(color=(0.0, 0.0, 0.0, 0.0))
     return _canvas[0]

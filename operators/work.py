@@ -15,6 +15,7 @@ from ..core.native import loading
 from ..core.rig.settings import Settings
 from ..core.solve.session import Session
 from ..core.solve.solved_for import SolvedFor
+from . import drawn
 
 _sessions: list[Session] = []
 _legible: dict[str, Any] = {}
@@ -46,7 +47,8 @@ def forget() -> None:
 
 
 def note_written(scene: bpy.types.Scene) -> None:
-    """Mark a scene's result as complete."""
+    """Mark a scene's result as complete, with all of its images painted."""
+    drawn.forget()
     _written[scene.session_uid] = scene.kiriko.result.solved_for
 
 
