@@ -140,12 +140,15 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
 
     corner, size, nodes : (n, 2), (n,) viewer px, (n, 25) indices of points
     """
-    values = np.concatenate([take(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
-    landed = smooth_cells.on_grid(values, m)
-
-    # quartics overshoot their nodes where light falls steeply, possibly below 0
-    faintest, brightest = (of(values[..., 2], axis=1)[:, None, None] for of in (np.min, np.max))
-    throughput = np.clip(landed[..., 2], faintest / SWING, brightest * SWING)
+    landed = smooth_cells.on_grid(take(points.xy, nodes), m)
+    throughput = np.ones(len(nodes) * m * m)
+    of_nodes = take(points.throughput, nodes)
+    if (of_nodes != 1).any():
+        # quartics overshoot their nodes where light falls steeply, possibly below 0
+        faintest, brightest = (of(of_nodes, axis=1)[:, None, None] for of in (np.min, np.max))
+        on_grid = smooth_cells.on_grid(of_nodes[..., None], m)[..., 0]
+        on_grid = np.clip(on_grid, faintest / SWING, brightest * SWING)
+        throughput = sum(_corners_of(on_grid)).ravel() / 4
 
     along = size[:, None] * (np.arange(m + 1) / m)
     view = np.empty((len(size), m + 1, m + 1), complex)
@@ -154,8 +157,8 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
 
     return Piece(
         view=_quads_between(view),
-        display=_quads_between(landed[..., :2].view(complex)[..., 0]),
-        throughput=sum(_corners_of(throughput)).ravel() / 4,
+        display=_quads_between(landed.view(complex)[..., 0]),
+        throughput=throughput,
         branch=np.repeat(points.branch[nodes[:, 0]], m * m),
     )
 

@@ -209,6 +209,9 @@ def sample_cells(
     ------
     RigError : not enough free memory
     """
+    if not len(corners):
+        return Samples(Points.none(), np.empty(0), np.empty(0))
+
     along = plan.settings.samples_along
     _check_memory(plan, n_strata(corners, along))
     places, area = strata(corners, along)

@@ -53,13 +53,10 @@ def of_the_picture(
         unseen += missing.sum()
         some = np.flatnonzero(missing)
         row, column = np.divmod(first * w + some, w)
-        by_corner = np.stack([
-            view_map.reason[row + down, column + right] for down in (0, 1) for right in (0, 1)
-        ])  # fmt: skip
-
         # Each ray of a pixel has one vote for the reason.
-        of_reason = by_corner[None] == np.arange(len(Reason))[:, None, None]
-        votes = of_reason.sum(axis=1) + within[:, first * w + some]
+        votes = within[:, first * w + some].astype(np.int64)
+        for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            votes[view_map.reason[row + down, column + right], np.arange(len(some))] += 1
         votes[Reason.ARRIVED] = 0
         at_edge = view_map.is_one_cell[first : first + rows].ravel()[some] & (
             votes.sum(axis=0) == 0
