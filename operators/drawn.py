@@ -111,7 +111,8 @@ void main() {
 }
 """
 
-_meshes: weakref.WeakKeyDictionary[Points, gpu.types.GPUBatch] = weakref.WeakKeyDictionary()
+# by points of a map; None for a map without light on the display
+_meshes: weakref.WeakKeyDictionary[Points, gpu.types.GPUBatch | None] = weakref.WeakKeyDictionary()
 _textures: list[tuple[weakref.ref[Image], Texture]] = []  # of images that exist
 _canvas: list[gpu.types.GPUOffScreen] = []  # of sums, at most one
 _drawn: dict[int, gpu.types.GPUOffScreen] = {}  # by session uid of the image
@@ -155,9 +156,14 @@ def _picture_sizes(rig: Rig) -> list[int]:
     return [n for viewer in rig.viewers for n in rig.picture_of(viewer).image.shape[:2]]
 
 
-def show(image: bpy.types.Image, rig: Rig, settings: Settings, maps: ChannelMaps) -> None:
-    """Draw a source image in place of the pixels of an image, until `forget`."""
+def show(image: bpy.types.Image, rig: Rig, settings: Settings, maps: ChannelMaps) -> bool:
+    """Draw a source image in place of the pixels of an image, until `forget`; false if the display
+    stays dark.
+    """
+    if all(_mesh_of_map(view_map) is None for _, view_map in maps):
+        return False
     _drawn[image.session_uid] = _draw_source(tuple(image.size), rig, settings, maps)
+    return True
 
 
 def texture_for(image: bpy.types.Image) -> Texture | None:
@@ -250,9 +256,11 @@ class Placing(NamedTuple):
 
 
 def _add(
-    canvas: gpu.types.GPUOffScreen, mesh: gpu.types.GPUBatch, image: Image, placing: Placing
+    canvas: gpu.types.GPUOffScreen, mesh: gpu.types.GPUBatch | None, image: Image, placing: Placing
 ) -> None:
     """Add the colours and weights of a mesh to a canvas, textured with an image."""
+    if mesh is None:
+        return
     matrix = np.eye(4)
     matrix[:3, :3] = placing.mapping
     texture = _texture_of(image)
@@ -313,8 +321,8 @@ def _texture_of(image: Image) -> Texture:
     return texture
 
 
-def _mesh_of_map(view_map: ViewMap) -> gpu.types.GPUBatch:
-    """The mesh of a map, from the cache if it is there."""
+def _mesh_of_map(view_map: ViewMap) -> gpu.types.GPUBatch | None:
+    """The mesh of a map, from the cache if it is there; None without light on the display."""
     if view_map.points not in _meshes:
         _meshes[view_map.points] = _mesh_of(corners_of(view_map))
     return _meshes[view_map.points]
@@ -345,8 +353,12 @@ def _triangles(view: Floats, display: Floats, throughput: Floats) -> Image:
     return found[np.isfinite(found).all(axis=(1, 2)) & (cross_2d(by_x, by_y) != 0)]
 
 
-def _mesh_of(corners: Image) -> gpu.types.GPUBatch:
-    """The mesh of triangles' corners (t, 3, VALUES) on the graphics card."""
+def _mesh_of(corners: Image) -> gpu.types.GPUBatch | None:
+    """The mesh of triangles' corners (t, 3, VALUES) on the graphics card; None if there are
+    none.
+    """
+    if not len(corners):
+        return None
     layout = gpu.types.GPUVertFormat()
     for name, n in LAYOUT.items():
         layout.attr_add(id=name, comp_type="F32", len=n, fetch_mode="FLOAT")

@@ -367,9 +367,9 @@ class Live:
             return False
         yield NextStep(DRAWING, size)
         image = scene_by_uid(scene_uid).kiriko.result.source
-        if image is None:  # removed during a pause
+        # the image may be removed during a pause, and a coarse viewer may miss all light
+        if image is None or not drawn.show(image, *of_maps, maps):
             return False
-        drawn.show(image, *of_maps, maps)
         self._note_shown()
         self._rests_at = perf_counter() + REST
         return True

@@ -130,6 +130,9 @@ def test_overlapping_light_is_the_mean_by_weight(drawn):
     found = drawn.source_image(a_rig, settings, [(key, view_map)])
     assert np.allclose(found, [0.2, 0.8, 0.0], atol=1e-3)
 
+    dark = replace(view_map, points=replace(points, xy=points.xy - 9))
+    assert not drawn.source_image(a_rig, settings, [(key, dark)]).any()
+
 
 def test_live_draws_while_something_moves_and_paints_at_rest(scene, kiriko, monkeypatch):
     """The first picture after a change is drawn and leaves the image's pixels; the last one is
