@@ -3,9 +3,9 @@
 Both have the same mesh, viewer and display: facets with interpolated normals, 512 x 512 pixels.
 Mitsuba's splat (mitsuba_splat.py) takes `--samples` per pixel. Kiriko solves at its default
 settings, *as drawn* (the mesh that Mitsuba shows) and by *Automatic*, which follows the curved
-surface and has no judge here. `s`: median wall seconds. An error is the RMSE of the source image,
-linear, over the display pixels seen by the judge, holes as black; *as seen* weights each by how
-much the viewer sees of it. The judge is a splat of `--reference` samples in two independent halves
+surface and has no judge here. `s`: median processor seconds. An error is the RMSE of the source
+image, linear, over the display pixels seen by the judge, holes as black; *as seen* weights each by
+how much the viewer sees of it. The judge is a splat of `--reference` samples in two independent halves
 A and B: the mean of (image - A)(image - B) is the squared error without the judge's own noise. `x`:
 times Mitsuba's seconds. `apart`: fraction of the rays that Mitsuba takes elsewhere. Mitsuba loses
 rays if a mesh overlaps itself or has two coincident faces, and is no judge there. `equal x`: drawn
@@ -124,6 +124,7 @@ def measure(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
             "auto": lambda: solved(of_surface(a_rig, "automatic")),
         },
         arguments.rounds,
+        process_time,
     )
     theirs, drawn = image_from_sums(found["Mitsuba"]), found["drawn"].source
     row = {
