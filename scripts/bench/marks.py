@@ -5,13 +5,13 @@ Mitsuba's splat (mitsuba_splat.py) takes `--samples` per pixel. Kiriko solves at
 settings, *as drawn* (the mesh that Mitsuba shows) and by *Automatic*, which follows the curved
 surface and has no judge here. `s`: median processor seconds. An error is the RMSE of the source
 image, linear, over the display pixels seen by the judge, holes as black; *as seen* weights each by
-how much the viewer sees of it. The judge is a splat of `--reference` samples in two independent halves
-A and B: the mean of (image - A)(image - B) is the squared error without the judge's own noise. `x`:
-times Mitsuba's seconds. `apart`: fraction of the rays that Mitsuba takes elsewhere. Mitsuba loses
-rays if a mesh overlaps itself or has two coincident faces, and is no judge there. `equal x`: drawn
-seconds over those that Mitsuba needs for the same error, which falls with the root of its time;
-`equal seen x`: as seen. The bench ends with 1 where `drawn x` is above MOST_X, for the ball
-MOST_BALL, or `equal seen x` above 1.
+how much the viewer sees of it. The judge is a splat of `--reference` samples in two independent
+halves A and B: the mean of (image - A)(image - B) is the squared error without the judge's own
+noise. `x`: times Mitsuba's seconds. `apart`: fraction of the rays that Mitsuba takes elsewhere.
+Mitsuba loses rays if a mesh overlaps itself or has two coincident faces, and is no judge there.
+`equal x`: drawn seconds over those that Mitsuba needs for the same error, which falls with the root
+of its time; `equal seen x`: as seen. The bench ends with 1 where `drawn x` is above MOST_X, for the
+ball MOST_BALL, or `equal seen x` above 1.
 
 `--effort`: cost and gain of *Effort*, and of more samples for the splat, in processor seconds of
 one thread. A `power` is the exponent of time by which the error falls from the row above.
