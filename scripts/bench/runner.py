@@ -77,7 +77,12 @@ def run(about: str, module: str, main: Bench, *options: tuple, **tables: Bench) 
     with loading.off() if arguments.numpy else nullcontext():
         rows = measured(bench, module, names, arguments)
         shown = print_json(rows) if arguments.json else print_table(bench, rows, arguments.markdown)
-    sys.exit(any({MISSED, "WRONG"} & {*map(str, row.values())} for row in shown))
+    sys.exit(is_missed(shown))
+
+
+def is_missed(rows: Iterable[Row]) -> bool:
+    """Whether a row says that a mark is missed, or that something is wrong."""
+    return any({MISSED, "WRONG"} & {*map(str, row.values())} for row in rows)
 
 
 def chosen(cases: Mapping[str, Any], words: list[str]) -> list[str]:
@@ -93,8 +98,11 @@ def measured(
     for name in names:
         if bench.is_apart and len(names) > 1:
             command = [sys.executable, *as_module(module), *sys.argv[1:], "--json", "--only", name]
-            answer = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
-            yield from (json.loads(line) for line in answer.splitlines() if line[:1] == "{")
+            answer = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+            rows = [json.loads(line) for line in answer.stdout.splitlines() if line[:1] == "{"]
+            if answer.returncode and not is_missed(rows):
+                sys.exit(answer.returncode)
+            yield from rows
         else:
             with quiet():
                 rows = list(bench.measure(name, bench.cases[name], arguments))
