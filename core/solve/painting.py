@@ -26,7 +26,8 @@ from ..rig.viewer import Viewer
 from .channel import WHITE, ChannelKey, shares_of
 from .picture_coverage import of_the_picture
 
-SHARE_OF_FREE = 0.5  # of the free memory, for filter taps kept for the next picture
+SHARE_OF_FREE = 0.5  # of the free memory, for filter taps kept for the next picture,
+STAYS_FREE = 1 << 30  # bytes, apart from these: shares are made and cached at the same time
 PASS = 0.5  # progress of the first of two equal passes over all shares
 
 
@@ -155,7 +156,9 @@ def _add(
     is_new = not placed.is_counted
     room = 0.0
     if are_kept or not is_new:
-        room = SHARE_OF_FREE * (available() or inf) / placed.shares.n_sharing
+        free = available()
+        free = inf if free is None else free - STAYS_FREE
+        room = SHARE_OF_FREE * free / placed.shares.n_sharing
     kept = []
     n_painted, progress = 0, 0.0
     for shares in placed.shares.pausing():
