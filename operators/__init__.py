@@ -12,7 +12,6 @@ from . import (
     choose_rig,
     compared,
     draw_light_paths,
-    drawn,
     export,
     export_atlas,
     export_job,
@@ -26,6 +25,7 @@ from . import (
     look_through,
     make_glass,
     make_part,
+    map_drawing,
     open_example,
     open_manual,
     part_verbs,
@@ -156,7 +156,7 @@ def unregister() -> None:
     framing.unregister()
     live.unregister()
     compared.unregister()
-    drawn.unregister()
+    map_drawing.unregister()
     work.forget()
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())

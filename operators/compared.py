@@ -20,7 +20,7 @@ from ..core.rig.rig import Rig, Viewer
 from ..core.rig.settings import Settings
 from ..core.solve.comparison import Comparer, Comparison
 from ..core.solve.solution import Solution
-from . import drawn, framing, work
+from . import framing, map_drawing, work
 from .windows import camera_of, view_of
 
 
@@ -68,7 +68,8 @@ def comparing(
     of_scene = scene.session_uid
     camera = viewer_of(scene)
     of_camera, corners = camera.session_uid, _corners(rig.viewer, camera, scene)
-    artist = drawn if drawn.has_shaders() and not is_for_file else None
+    is_drawn = not is_for_file and map_drawing.has_shaders() and map_drawing.is_faithful(solution)
+    artist = map_drawing if is_drawn else None
     comparison = yield from _comparer[0].compare(solution, rig, settings, artist)
     _found[of_scene] = made = Compared(comparison, of_camera, corners)
     return made

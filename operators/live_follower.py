@@ -37,7 +37,7 @@ from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from ..core.solve.first_picture import coarser, enlarged, has_coarse
 from ..core.solve.memory import check_memory
-from . import compared, drawn, work
+from . import compared, map_drawing, work
 from .chosen import chosen_settings, uid
 from .remedies import remedies_for
 from .reporting import in_words
@@ -108,7 +108,7 @@ class Live:
         """Treat everything as changed, as after undo, which may have restored the image too."""
         self.shapes = ShapeCache()
         self._drop()
-        drawn.forget()
+        map_drawing.forget()
         self._key, self._may_keep = None, False
         self.problem = ""  # may belong to an older scene
         self.touch()
@@ -183,7 +183,7 @@ class Live:
     def close(self) -> None:
         """End the work; nothing is left half-written."""
         self._drop()
-        drawn.forget()
+        map_drawing.forget()
         self.phrase = ""
         self._say("")
 
@@ -233,7 +233,7 @@ class Live:
                     self._drop()
         except KirikoError as error:
             self._drop()
-            drawn.forget()
+            map_drawing.forget()
             self._show_problem(one_line(in_words(error.message)))
         self._lasted[step] = perf_counter() - started
         self.longest[step.phrase] = max(self.longest.get(step.phrase, 0.0), self._lasted[step])
@@ -322,7 +322,7 @@ class Live:
                 yield from self._show(found, update_coarse)
         yield NextStep(WRITING, (rig.display.width, rig.display.height))
         update_solution(scene_by_uid(scene_uid), self._reading, found)
-        drawn.forget()
+        map_drawing.forget()
         if self.n_pictures == n_before:  # it was not shown before its figures
             self._note_shown()
         if not is_traced:
@@ -357,7 +357,7 @@ class Live:
         image = scene_by_uid(scene_uid).kiriko.result.source
         if image is None or tuple(image.size) != size or not (is_traced or is_coarse):
             return False
-        if not drawn.can_draw(rig, settings):
+        if not map_drawing.can_draw(rig, settings):
             return False
         of_maps = (rig, settings) if is_traced else coarser(rig, settings)
         try:
@@ -368,7 +368,7 @@ class Live:
         yield NextStep(DRAWING, size)
         image = scene_by_uid(scene_uid).kiriko.result.source
         # the image may be removed during a pause, and a coarse viewer may miss all light
-        if image is None or not drawn.show(image, *of_maps, maps):
+        if image is None or not map_drawing.show(image, *of_maps, maps):
             return False
         self._note_shown()
         self._rests_at = perf_counter() + REST
@@ -431,7 +431,7 @@ class Live:
         display = self._reading.rig.display
         yield NextStep(WRITING, (display.width, display.height))
         pixels = enlarged(pixels, display.width, display.height)
-        drawn.forget()
+        map_drawing.forget()
         self._reading = update(scene_by_uid(self.uid), self._reading, pixels)
         self._note_shown()
 

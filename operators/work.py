@@ -15,7 +15,7 @@ from ..core.native import loading
 from ..core.rig.settings import Settings
 from ..core.solve.session import Session
 from ..core.solve.solved_for import SolvedFor
-from . import drawn
+from . import map_drawing
 
 _sessions: list[Session] = []
 _legible: dict[str, Any] = {}
@@ -48,7 +48,7 @@ def forget() -> None:
 
 def note_written(scene: bpy.types.Scene) -> None:
     """Mark a scene's result as complete, with all of its images painted."""
-    drawn.forget()
+    map_drawing.forget()
     _written[scene.session_uid] = scene.kiriko.result.solved_for
 
 

@@ -11,7 +11,7 @@ from mathutils import Matrix
 from ..core.base.arrays import Floats
 from ..core.blender.data.camera_viewer import viewer_of
 from ..core.blender.view.shown_images import ShownImage, shown_images
-from ..operators import drawn
+from ..operators import map_drawing
 from ..operators.windows import camera_of
 from .overlay.view_handlers import TINTED_SHADER, ViewHandlers
 
@@ -98,7 +98,7 @@ def _texture(shown: ShownImage) -> gpu.types.GPUTexture:
     its first frame. So the image is loaded at its own frame first.
     """
     image, number = shown.image, shown.number
-    texture = drawn.texture_for(image)
+    texture = map_drawing.texture_for(image)
     if texture is not None:
         return texture
     if number is not None:

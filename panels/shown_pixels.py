@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..core.blender.data.image import pixels_from_image
 from ..core.files.encoding import quantised
 from ..core.rig.joined_display import Section
-from ..operators import drawn, show_window
+from ..operators import map_drawing, show_window
 from ..operators.export import gamma_of
 
 TOP = 255  # largest number of 8 bits
@@ -103,7 +103,7 @@ def _draw(
     try:
         gpu.state.blend_set("NONE")
         gpu.state.depth_test_set("NONE")
-        texture = drawn.texture_for(image)
+        texture = map_drawing.texture_for(image)
         encoded = NUMBERS if texture is None else SRGB if gamma is None else gamma
         shader.bind()
         shader.uniform_float("encoded", encoded)

@@ -45,7 +45,7 @@ class Comparison:
 
 
 class Artist(Protocol):
-    """Draws images with the graphics card; rows and units as in painting (operators/drawn.py)."""
+    """Draws images with the graphics card, rows and units as in painting: map_drawing.py."""
 
     def can_draw(self, rig: Rig, settings: Settings) -> bool: ...
 

@@ -40,7 +40,8 @@ class Placed:
     is_counted : whether coverage is complete
     lookup : the picture's place for each display pixel; None until `count`
     step : (2, H * W) picture px, from there to the place that is shown; None for no step
-    filter_taps : of all shares, for the next picture; None without memory for them
+    filter_taps, lacks_memory : of all shares, for the next picture; None until they are kept, and
+        whether memory was too small for them
     strongest : (H * W,) light path that each pixel shows; None for the mean of all paths
     """
 
@@ -55,6 +56,7 @@ class Placed:
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
     filter_taps: list[FilterTaps] | None = None
+    lacks_memory: bool = False
     covered: tuple[float, dict[str, float]] | None = None
 
     @property
@@ -154,8 +156,8 @@ def _add(
         return
 
     is_new = not placed.is_counted
-    room = 0.0
-    if are_kept or not is_new:
+    room, are_kept = 0.0, (are_kept or not is_new) and not placed.lacks_memory
+    if are_kept:
         free = available()
         free = inf if free is None else free - STAYS_FREE
         room = SHARE_OF_FREE * free / placed.shares.n_sharing
@@ -191,6 +193,7 @@ def _add(
 
     placed.is_counted = True
     placed.filter_taps = kept if room > 0 else None
+    placed.lacks_memory |= are_kept and room <= 0
 
 
 def place(view_map: ViewMap, picture: PicturePlace, key: ChannelKey, settings: Settings) -> Placed:

@@ -125,7 +125,7 @@ def placed_for(
             place(traced.view_map, picture, one, settings)
             if old is None
             # Filter taps and steps depend on the other channels.
-            else replace(old, key=one, filter_taps=None, step=None)
+            else replace(old, key=one, filter_taps=None, lacks_memory=False, step=None)
         )
 
     for placed in channels:
@@ -325,13 +325,14 @@ class Session:
         yield painted[0]
 
         steps = self._light_of(placed, optics, rig, settings, clock, not is_moving)
-        placed, light = yield from subprogress(steps, *painted)
+        pyramids, placed, light = yield from subprogress(steps, *painted)
+        yield from hold_progress(covered[0], self._take_up(optics, placed))
         source = rig.display.source_for(light)
 
         for one, _ in to_be_covered:
             check_seen(one.picture, one.viewer)
         self._placed = placed
-        self._shown = Shown(placed, self._pyramids, settings, light)
+        self._shown = Shown(placed, pyramids, settings, light)
         if show is not None and (to_be_covered or to_be_measured):
             show(source)
 
@@ -346,7 +347,7 @@ class Session:
         clock.lap("coverage")
 
         reasons = () if is_new else (UNTRACED,)
-        if not is_moving and any(one.filter_taps is None for one in placed.channels):
+        if any(one.lacks_memory for one in placed.channels):
             reasons += (NOT_KEPT,)
 
         yield 1.0
@@ -459,13 +460,13 @@ class Session:
         settings: Settings,
         clock: Clock,
         are_kept: bool,
-    ) -> Generator[float, None, tuple[PlacedParts, NDArray[np.float32]]]:
+    ) -> Generator[float, None, tuple[tuple[Pyramid, ...], PlacedParts, NDArray[np.float32]]]:
         """Settle the viewers' disagreement if needed, and paint, unless nothing changed; yields
-        progress 0..1.
+        progress 0..1. Another solve may run during a pause.
         """
         pyramids, shown = self._pyramids_of(rig, place.channels), self._shown
         if shown is not None and shown[:3] == (place, pyramids, settings):
-            return place, shown.light
+            return pyramids, place, shown.light
 
         part = 0.0
         if _is_to_be_settled(place, rig):
@@ -475,11 +476,10 @@ class Session:
 
         steps = paint(place.channels, pyramids, clock, are_kept)
         painting = yield from subprogress(steps, part, 1.0)
-        yield from hold_progress(1.0, self._take_up(optics, place))
         past_glass = [traced.weight_past_glass for traced in optics.channels]
         light = frozen(finished(painting, place.channels, past_glass, settings))
         clock.lap("painting")
-        return place, light
+        return pyramids, place, light
 
     def _pyramids_of(self, rig: Rig, channels: Sequence[Placed]) -> tuple[Pyramid, ...]:
         """Pyramid of each channel's image, cached while the image stays the same."""

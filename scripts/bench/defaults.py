@@ -104,7 +104,7 @@ MOST = {"nothing": 0.02, "picture": 0.1, "compare": 0.25}
 def measure(name: str, case: tuple, arguments: argparse.Namespace) -> Iterator[Row]:
     """Solve, again with nothing changed, with another picture, and Before and After."""
     registered()
-    from kiriko.operators import before_after, work
+    from kiriko.operators import before_after, compared, work
 
     make, options, display = case
     add_rig(make, **options)
@@ -113,6 +113,7 @@ def measure(name: str, case: tuple, arguments: argparse.Namespace) -> Iterator[R
     rounds = []
     for _ in range(arguments.rounds):
         work.forget()
+        compared.forget()
         choose(0)
         row = {"CPU s": timed(bpy.ops.kiriko.solve)}
         row["nothing"] = timed(bpy.ops.kiriko.solve) / row["CPU s"]

@@ -1,5 +1,6 @@
 import json
 import re
+from pathlib import Path
 from types import ModuleType
 
 import bpy
@@ -128,3 +129,49 @@ def test_lengths_in_notes_are_in_the_scenes_unit(scene):
     )
     (inches,) = re.findall(r"glass closer than ([0-9.]+) in counts", note)
     assert 0.01 < float(inches) < 1
+
+
+def paint_over(image: bpy.types.Image, folder: Path | None = None) -> None:
+    image.pixels.foreach_set(np.full(len(image.pixels), 0.7, np.float32))
+    image.update()
+
+
+def spoil_and_pack(image: bpy.types.Image, folder: Path) -> None:
+    paint_over(image)
+    image.pack()
+
+
+def spoil_and_save(image: bpy.types.Image, folder: Path) -> None:
+    paint_over(image)
+    image.save(filepath=str(folder / "elsewhere.exr"))
+
+
+def take_for_srgb(image: bpy.types.Image, folder: Path) -> None:
+    image.colorspace_settings.name = "sRGB"
+
+
+def unpack(image: bpy.types.Image, folder: Path) -> None:
+    image.unpack(method="REMOVE")
+
+
+@pytest.mark.parametrize(
+    "spoil", [paint_over, spoil_and_pack, spoil_and_save, take_for_srgb, unpack]
+)
+def test_solve_repairs_its_image(scene, kiriko, tmp_path, spoil):
+    """Whatever somebody did to the image of a result, *Solve* brings it back, though nothing else
+    changed; unchanged, it stays the same packed file.
+    """
+    small_rig()
+    bpy.ops.kiriko.solve()
+    image = scene.kiriko.result.source
+    expected, file = pixels(image).copy(), image.packed_file.data
+    name = image.colorspace_settings.name
+    bpy.ops.kiriko.solve()
+    assert scene.kiriko.result.source == image
+    assert image.packed_file.data == file
+    spoil(image, tmp_path)
+    bpy.ops.kiriko.solve()
+    image = scene.kiriko.result.source
+    assert np.array_equal(pixels(image), expected)
+    assert image.colorspace_settings.name == name
+    assert image.packed_file is not None

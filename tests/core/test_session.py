@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import MeshError, RigError
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass import surfaces
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.image.source_image import Painting
@@ -182,6 +183,48 @@ def test_nothing_new_paints_nothing(monkeypatch):
         assert np.array_equal(solve(a_rig, kept).source, expected.source)
     assert not np.array_equal(solve(a_rig, kept, margin=2).source, expected.source)
     assert np.array_equal(solve(a_rig, kept).source, expected.source)
+
+
+def test_another_picture_in_a_pause_leaves_each_its_own():
+    """A solve of one picture, with one of another in any of its pauses: each session afterwards
+    shows of either what a new one shows.
+    """
+    first = small()
+    second = replace(
+        first, pictures=(replace(first.picture, image=first.picture.image[::-1].copy()),)
+    )
+    expected = [solve(first).source, solve(second).source]
+    n_pauses = 0
+    while True:
+        kept = Session()
+        solve(second, kept)
+        steps = kept.solve(first)
+        try:
+            for _ in range(n_pauses):
+                next(steps)
+        except StopIteration:
+            break
+        solve(second, kept)
+        assert np.array_equal(run_steps(steps).source, expected[0])
+        for a_rig, one in ((second, expected[1]), (first, expected[0])):
+            assert np.array_equal(solve(a_rig, kept).source, one)
+        n_pauses += 1
+    assert n_pauses > 3
+
+
+@pytest.mark.numpy_alone
+def test_after_a_failed_solve_nothing_is_traced_twice():
+    """A rig whose picture is out of sight traces, and fails; the rig before is traced once more."""
+    kept, a_rig = Session(), small()
+    expected = solve(a_rig, kept)
+    viewer = replace(a_rig.viewer, position=a_rig.viewer.position + np.array([0.001, 0, 0]))
+    corners = a_rig.picture.mesh.vertices + np.array([10.0, 0, 0])
+    gone = replace(a_rig.picture, mesh=replace(a_rig.picture.mesh, vertices=corners))
+    with pytest.raises(RigError):
+        solve(replace(a_rig, viewers=(viewer,), pictures=(gone,)), kept)
+    found = [solve(a_rig, kept) for _ in range(3)]
+    assert [one.n_rays for one in found] == [expected.n_rays, 0, 0]
+    assert all(np.array_equal(one.source, expected.source) for one in found)
 
 
 def test_a_picture_changed_in_its_place_is_painted_anew():

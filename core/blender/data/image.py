@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...base.fingerprint import fingerprint
 from ...files.encoding import encode, quantised
 from ...files.png import encoded
 from .colour import from_rec709, rec709_from_working, to_rec709
@@ -22,7 +23,7 @@ WORKING_MARK = "kiriko_working"  # on an image: the matrix to Rec.709 of the spa
 # by session uid of the image: the packed file of the pixels in memory; a packed file, and the
 # array it was made from
 _read: dict[int, str] = {}
-_packed: dict[int, tuple[str, "ref[NDArray[np.float32]]"]] = {}
+_packed: dict[int, tuple[tuple[object, ...], "ref[NDArray[np.float32]]"]] = {}
 
 
 @contextmanager
@@ -172,14 +173,21 @@ def read_again(image: bpy.types.Image) -> bool:
 
 def note_packed(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
     """Remember the array that an image was packed from."""
-    _packed[image.session_uid] = image[PACKED_MARK], ref(pixels)
+    _packed[image.session_uid] = _state_of(image), ref(pixels)
 
 
 def is_packed_from(image: bpy.types.Image, pixels: NDArray[np.float32]) -> bool:
     """Whether an image was packed from this very array, with nothing done to it since."""
-    mark, array = _packed.get(image.session_uid, ("", lambda: None))
-    is_same = array() is pixels and image.get(PACKED_MARK) == mark
-    return is_same and not image.is_dirty and is_in_working_space(image)
+    state, array = _packed.get(image.session_uid, (None, lambda: None))
+    return array() is pixels and not image.is_dirty and _state_of(image) == state
+
+
+def _state_of(image: bpy.types.Image) -> tuple[object, ...]:
+    """Its packed file, and how it is read."""
+    file = np.frombuffer(image.packed_file.data if image.packed_file else b"", np.uint8)
+    space = image.colorspace_settings
+    how = image.source, image.filepath_raw, image.alpha_mode, space.name, space.is_data
+    return fingerprint(file), *how, is_in_working_space(image)
 
 
 def is_out_of_date(image: bpy.types.Image) -> bool:

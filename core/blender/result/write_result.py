@@ -153,7 +153,8 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     """
     numbers = numbers_of(scene, reading, solution)
     image, pixels = scene.kiriko.result.source, solution.image
-    if image is not None and is_packed_from(image, pixels):
+    if image is not None and is_packed_from(image, pixels) and not _is_shared(image):
+        image.buffers_free()  # read from the packed file, whatever was painted since
         remarks = _show_on_displays(scene, reading)
     else:
         image = _packed(name_for(scene, SOURCE), pixels)

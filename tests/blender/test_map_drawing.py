@@ -39,11 +39,11 @@ def graphics() -> None:
 
 
 @pytest.fixture
-def drawn():
-    from kiriko.operators import drawn
+def map_drawing():
+    from kiriko.operators import map_drawing
 
-    yield drawn
-    drawn.unregister()
+    yield map_drawing
+    map_drawing.unregister()
 
 
 def photograph(n: int = 1024) -> np.ndarray:
@@ -78,7 +78,7 @@ def near(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("make", [ball_rig, cube_rig, wine_glass])
-def test_drawn_images_are_the_painted_ones(drawn, make):
+def test_drawn_images_are_the_painted_ones(map_drawing, make):
     """99 % of the covered pixels and of those with light are within 2 of 255, on the display, seen
     by the viewer, and without glass.
     """
@@ -89,21 +89,21 @@ def test_drawn_images_are_the_painted_ones(drawn, make):
     session, settings = Session(), Settings()
     solution = run_steps(session.solve(a_rig, settings))
     maps = run_steps(session.view_maps(a_rig, settings))
-    source = drawn.source_image(a_rig, settings, maps)
+    source = map_drawing.source_image(a_rig, settings, maps)
     assert near(source, solution.source, solution.weight > 0) > 0.99
     assert near(source, solution.source, solution.source.any(axis=2)) > 0.99
 
     seen, first = solution.seen(), solution.first
-    ours = drawn.seen_image(first.view_map, solution.source, settings)
+    ours = map_drawing.seen_image(first.view_map, solution.source, settings)
     assert near(ours, seen, first.view_coverage > 0) > 0.99
     assert near(ours, seen, seen.any(axis=2)) > 0.99
 
     ideal = solution.ideal()
-    ours = drawn.ideal_image(a_rig.picture, a_rig.viewer)
+    ours = map_drawing.ideal_image(a_rig.picture, a_rig.viewer)
     assert near(ours, ideal, ideal.any(axis=2)) > 0.98
 
 
-def test_overlapping_light_is_the_mean_by_weight(drawn):
+def test_overlapping_light_is_the_mean_by_weight(map_drawing):
     """Two squares of one viewer land on one display, the second from four times the area: the
     display shows their colours in the parts 1/5 and 4/5.
     """
@@ -127,18 +127,18 @@ def test_overlapping_light_is_the_mean_by_weight(drawn):
     )  # fmt: skip
     settings = Settings()
     key = ChannelKey(a_rig.viewer, settings.wavelength, WHITE)
-    found = drawn.source_image(a_rig, settings, [(key, view_map)])
+    found = map_drawing.source_image(a_rig, settings, [(key, view_map)])
     assert np.allclose(found, [0.2, 0.8, 0.0], atol=1e-3)
 
     dark = replace(view_map, points=replace(points, xy=points.xy - 9))
-    assert not drawn.source_image(a_rig, settings, [(key, dark)]).any()
+    assert not map_drawing.source_image(a_rig, settings, [(key, dark)]).any()
 
 
 def test_live_draws_while_something_moves_and_paints_at_rest(scene, kiriko, monkeypatch):
     """The first picture after a change is drawn and leaves the image's pixels; the last one is
     painted.
     """
-    live, ours = kiriko.operators.live, loaded("operators.drawn")
+    live, ours = kiriko.operators.live, loaded("operators.map_drawing")
     monkeypatch.setattr(ours, "has_shaders", lambda: True)
     rig = small_rig()
     try:

@@ -33,6 +33,7 @@ from ..core.rig.settings import Settings
 from ..core.solve.channel import ChannelMaps
 from ..core.solve.disagreement import is_sharp
 from ..core.solve.reflected_picture import is_reflected
+from ..core.solve.solution import Solution
 
 Image = NDArray[np.float32]
 Texture = gpu.types.GPUTexture
@@ -43,6 +44,7 @@ HALVES = (0, 1, 2), (0, 2, 3)  # of quads
 VALUES = sum(LAYOUT.values())
 # px between reads. Twice as many of a display gain nothing, as they are exact along its axes.
 OF_PICTURE, OF_DISPLAY = 0.45, 1.0
+MOST_ROUGH = 0.01  # of the view, limited by facets, unresolved or sampled
 MESH_VERTEX = """
 void main() {
     bool is_seen = options.x > 0.5;
@@ -135,6 +137,16 @@ def can_draw(rig: Rig, settings: Settings) -> bool:
         and max(rig.display.width, rig.display.height, *_picture_sizes(rig))
         <= gpu.capabilities.max_texture_size_get()
     )
+
+
+def is_faithful(solution: Solution) -> bool:
+    """Whether drawn images equal painted ones: parts smaller than a pixel, as of facets, may not be
+    drawn, and a coarse display has more in a pixel than is read.
+    """
+    display, first = solution.rig.display, solution.first
+    error, viewer = first.map_error, first.viewer
+    is_fine = display.width * display.height >= viewer.width * viewer.height
+    return is_fine and error.facet_limited + error.unresolved + error.sampled <= MOST_ROUGH
 
 
 @cache
