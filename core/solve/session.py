@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..base.arrays import frozen
 from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
+from ..base.messages import Message
 from ..base.stages import AFTER, MAP, TRACING, section, spans
 from ..base.steps import Steps, hold_progress, run_steps, subprogress
 from ..image.pyramid import Pyramid, pyramids_of
@@ -346,10 +347,6 @@ class Session:
         by_display = yield from hold_progress(measured[1], _by_display(channels))
         clock.lap("coverage")
 
-        reasons = () if is_new else (UNTRACED,)
-        if any(one.lacks_memory for one in placed.channels):
-            reasons += (NOT_KEPT,)
-
         yield 1.0
         return Solution(
             rig=rig,
@@ -358,7 +355,7 @@ class Session:
             seconds=clock.seconds,
             n_rays=n_rays,
             used=channels[0].plan.used,
-            left_out=channels[0].plan.left_out + reasons,
+            left_out=channels[0].plan.left_out + _left_out(is_new, placed.channels),
             remarks=remarks_on(channels, light) + remarks_on_displays(rig, by_display),
             by_display=by_display[0] if by_display else (),
             settled=placed.settled,
@@ -533,6 +530,12 @@ class Session:
         weight = yield from hold_progress(spread[1], weight_past_glass(view_map, settings))
         clock.lap("glare")
         return Traced(plan, view_map, weight)
+
+
+def _left_out(is_new: bool, channels: Sequence[Placed]) -> tuple[Message, ...]:
+    """Parts of a solve that were not needed, or had no room."""
+    found = () if is_new else (UNTRACED,)
+    return (*found, NOT_KEPT) if any(one.lacks_memory for one in channels) else found
 
 
 def _by_display(channels: Sequence[Channel]) -> Steps[list[tuple[float, ...]]]:

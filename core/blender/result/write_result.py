@@ -152,12 +152,14 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     solution : core.solve.solution.Solution
     """
     numbers = numbers_of(scene, reading, solution)
-    image, pixels = scene.kiriko.result.source, solution.image
-    if image is not None and is_packed_from(image, pixels) and not _is_shared(image):
+    image, name = scene.kiriko.result.source, name_for(scene, SOURCE)
+    pixels = solution.image
+    is_there = image is not None and image.name == name and not _is_shared(image)
+    if is_there and is_packed_from(image, pixels):
         image.buffers_free()  # read from the packed file, whatever was painted since
         remarks = _show_on_displays(scene, reading)
     else:
-        image = _packed(name_for(scene, SOURCE), pixels)
+        image = _packed(name, pixels)
         note_packed(image, pixels)
         remarks = _put_in_place(scene, reading, image)
     return _write_numbers(scene, reading, solution, numbers, remarks)
