@@ -66,7 +66,7 @@ def add_rig(make: Callable[[], bpy.types.Object] | None, **options: str) -> None
 
 
 def choose(seed: int) -> None:
-    """Make the picture one of coloured noise with a photograph's spectrum."""
+    """Make the picture coloured noise, coarse and fine."""
     random = np.random.default_rng(seed)
     pixels = np.ones((SIZE, SIZE, 4), np.float32)
     pixels[..., :3] = 0.5
@@ -87,14 +87,14 @@ def timed(work: Callable[[], object]) -> float:
     return process_time() - started
 
 
-IN_FRONT = {"kind": "BEHIND_GLASS"}
+BEHIND = {"kind": "BEHIND_GLASS"}
 DEFAULTS = {
     "ball": (None, {}, ""),
     "cube": (cube, {}, ""),
     "goblet": (glasses.wine_glass, {}, ""),
     "goblet with wine": (filled, {}, ""),
     "text": (text, {}, ""),
-    "lens before an iPhone 15": (lens, IN_FRONT, "iPhone 15"),
+    "lens before an iPhone 15": (lens, BEHIND, "iPhone 15"),
 }
 COLUMNS = {"CPU s": ".2f", "nothing": ".3f", "picture": ".3f", "compare": ".3f", "mark": "s"}
 # of a solve, at most
