@@ -66,6 +66,7 @@ SCRIPTS = {
     "meant": Script("bench.meant", "error against the intended surface"),
     "ablation": Script("bench.ablation", "effect of each heuristic, switched off", is_single=True),
     "benches": Script("bench.benches", "the systems of Add Rig > More, solved and judged"),
+    "light": Script("bench.light", "displays with views, pupil and colour, judged"),
     "cycles": Script("bench.cycles", "landings compared with Cycles"),
     "farm": Script("bench.farm", "warp maps, jobs and movies in other programs", FARM),
     "kernel": Script("check_kernel", "the kernel for Windows and Arm: the same bits"),

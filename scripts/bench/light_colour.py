@@ -1,0 +1,9 @@
+"""Colour: dispersion, primaries of displays, absorbing glass: a table of `dev.py light`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from .runner import Row
+
+CASES: dict[str, Callable[[], Iterator[Row]]] = {}

@@ -1,0 +1,9 @@
+"""Sharpness through a pupil, and sharpened source images: a table of `dev.py light`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from .runner import Row
+
+CASES: dict[str, Callable[[], Iterator[Row]]] = {}
