@@ -103,7 +103,8 @@ def exported(
         n, each = len(wavelengths), len(rig.viewers)
         for k, wavelength in enumerate(wavelengths):
             of_it = names[k * each : (k + 1) * each]
-            steps = _written(new, rig, replace(settings, wavelength=wavelength), options, of_it)
+            one = rig.in_one_colour(wavelength)
+            steps = _written(new, one, replace(settings, wavelength=wavelength), options, of_it)
             entries += yield from subprogress(steps, MAPPED * k / n, MAPPED * (k + 1) / n)
         # Write nothing if undo or another file has removed the scene in the meantime.
         about = {**_about(scene, rig, settings, options), "maps": entries}

@@ -132,6 +132,7 @@ def can_draw(rig: Rig, settings: Settings) -> bool:
         and not any(display.black_level for display in rig.displays)
         and not rig.projectors
         and not is_reflected(rig)
+        and not rig.disperses
         and not is_sharp(rig, settings)
         and all(plane_mapping(rig.place_of(viewer), viewer) for viewer in rig.viewers)
         and max(rig.display.width, rig.display.height, *_picture_sizes(rig))

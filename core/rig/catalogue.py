@@ -9,6 +9,7 @@ Brightness is omitted without a source.
 from dataclasses import dataclass
 from math import hypot
 
+from .dispersion import AbbeIndex, Index, PowerIndex, SellmeierIndex
 from .mirror_array import MirrorArray
 
 INCH = 0.0254  # m
@@ -52,12 +53,15 @@ class GlassProduct:
     """A clear material.
 
     ior : index of refraction at 589 nm, the sodium D line; Kiriko uses it for the helium d line,
-        where it is larger by less than 0.0002
+        where it is larger by less than 0.0003
+    dispersion : the index by wavelength, whose value at 589 nm rounds to `ior`; None without a
+        source
     """
 
     name: str
     ior: float
     source: str
+    dispersion: Index | None = None
 
 
 def _by_density(
@@ -160,6 +164,9 @@ DISPLAYS = {
     )
 }  # fmt: skip
 
+# Coefficients and ranges are those of refractiveindex.info, of the sources named with each.
+_POLYMERS = (436.8e-9, 1052e-9)  # m, the range of Sultanova et al.
+
 GLASSES = {
     product.name: product
     for product in (
@@ -167,16 +174,89 @@ GLASSES = {
             "Acrylic",
             1.49,
             "Kiuchi and Koizumi 2021; 1.4905 by Sultanova et al., Acta Phys. Pol. A 116 (2009)",
+            SellmeierIndex(((1.1819, 0.011313),), _POLYMERS),
         ),
-        GlassProduct("Soda-Lime Glass", 1.5233, "Rubin, Solar Energy Materials 12 (1985)"),
-        GlassProduct("N-BK7, K9", 1.5167, "SCHOTT, N-BK7 data sheet, 2017"),
+        GlassProduct(
+            "Soda-Lime Glass",
+            1.5233,
+            "Rubin, Solar Energy Materials 12 (1985)",
+            PowerIndex(((1.5130, 0), (-0.003169, 2), (0.003962, -2)), (310e-9, 4600e-9)),
+        ),
+        GlassProduct(
+            "N-BK7, K9",
+            1.5167,
+            "SCHOTT, N-BK7 data sheet, 2017",
+            SellmeierIndex(
+                (
+                    (1.03961212, 0.00600069867),
+                    (0.231792344, 0.0200179144),
+                    (1.01046945, 103.560653),
+                ),
+                (300e-9, 2500e-9),
+            ),
+        ),
+        GlassProduct(
+            "N-SF11",
+            1.7845,
+            "SCHOTT, N-SF11 data sheet, 2017",
+            SellmeierIndex(
+                (
+                    (1.73759695, 0.013188707),
+                    (0.313747346, 0.0623068142),
+                    (1.89878101, 155.23629),
+                ),
+                (370e-9, 2500e-9),
+            ),
+        ),
+        GlassProduct(
+            "Fused Silica",
+            1.4584,
+            "Malitson, J. Opt. Soc. Am. 55 (1965)",
+            SellmeierIndex(
+                (
+                    (0.6961663, 0.0684043**2),
+                    (0.4079426, 0.1162414**2),
+                    (0.8974794, 9.896161**2),
+                ),
+                (210e-9, 3710e-9),
+            ),
+        ),
         GlassProduct(
             "Lead Crystal (24 % PbO)",
             1.545,
             "Council Directive 69/493/EEC (1969): the lowest index allowed for this name",
         ),
-        GlassProduct("Polycarbonate", 1.5846, "Sultanova et al., Acta Phys. Pol. A 116 (2009)"),
-        GlassProduct("Casting Resin (CR-39)", 1.498, "PPG, CR-39 product bulletin, 2006"),
-        GlassProduct("Water", 1.3333, "Daimon and Masumura, Applied Optics 46 (2007), at 20 C"),
+        GlassProduct(
+            "Polycarbonate",
+            1.5846,
+            "Sultanova et al., Acta Phys. Pol. A 116 (2009)",
+            SellmeierIndex(((1.4182, 0.021304),), _POLYMERS),
+        ),
+        GlassProduct(
+            "Polystyrene",
+            1.5915,
+            "Sultanova et al., Acta Phys. Pol. A 116 (2009)",
+            SellmeierIndex(((1.4435, 0.020216),), _POLYMERS),
+        ),
+        GlassProduct(
+            "Casting Resin (CR-39)",
+            1.498,
+            "PPG, CR-39 product bulletin, 2006; Abbe number 59.3: PPG, CR-39 monomer, 2013",
+            AbbeIndex(1.498, 59.3),
+        ),
+        GlassProduct(
+            "Water",
+            1.3333,
+            "Daimon and Masumura, Applied Optics 46 (2007), at 20 C",
+            SellmeierIndex(
+                (
+                    (0.5684027565, 0.005101829712),
+                    (0.1726177391, 0.01821153936),
+                    (0.02086189578, 0.02620722293),
+                    (0.1130748688, 10.69792721),
+                ),
+                (182e-9, 1129e-9),
+            ),
+        ),
     )
 }

@@ -110,13 +110,27 @@ def join(displays: Sequence[Display]) -> Display:
     )
     black = max(one.black_level for one in displays)
     name = ", ".join(one.name for one in displays)
-    return JoinedDisplay(name, mesh, width, height, black, members=tuple(displays))
+    return JoinedDisplay(
+        name,
+        mesh,
+        width,
+        height,
+        black,
+        primaries=displays[0].primaries,
+        members=tuple(displays),
+    )
 
 
 def check_displays(displays: Sequence[Display]) -> None:
     """Raise RigError if several displays overlap, or a UV map leaves its own image."""
     if len(displays) < 2:
         return
+
+    if len({one.primaries for one in displays}) > 1:
+        raise RigError(
+            "{names} have different primaries: give them the same.",
+            names=quoted(one.name for one in displays),
+        )
 
     for one in displays:
         if one.mesh.uv.min() < -OVERLAP or one.mesh.uv.max() > 1 + OVERLAP:

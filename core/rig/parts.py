@@ -9,11 +9,17 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.errors import MeshError, RigError, not_finite, out_of_range
 from ..base.messages import quoted
+from .dispersion import (
+    SRGB_PRIMARIES,
+    VISIBLE,
+    WAVELENGTH,
+    ConstantIndex,
+    Index,
+    Primaries,
+)
 from .mesh import Mesh
 from .mirror_array import MirrorArray
 from .roles import Part
-
-WAVELENGTH = 587.6e-9  # m, the helium d line, the reference for indices of refraction
 
 MOST_BLACK_LEVEL = 0.99  # of the interface
 
@@ -34,32 +40,6 @@ def _check_preference(owner: str, value: str) -> None:
             value=value,
             choices=quoted(get_args(Preference)),
         )
-
-
-class Index:
-    """An index of refraction as data: a frozen dataclass with the numbers of a formula.
-
-    A function would have no content to compare for changes.
-    """
-
-    def at(self, wavelength: float) -> float:
-        """Index of refraction at a wavelength, m."""
-        raise NotImplementedError
-
-    def __call__(self, wavelength: float) -> float:
-        """The same, for scripts written for 0.1."""
-        return self.at(wavelength)
-
-
-@dataclass(frozen=True)
-class ConstantIndex(Index):
-    """An index of refraction independent of the wavelength."""
-
-    value: float
-
-    def at(self, wavelength: float) -> float:
-        """Index of refraction at any wavelength."""
-        return self.value
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +73,7 @@ class Glass(Part):
                 owner=owner,
             )
 
+        self.ior.check(owner)
         n = self.ior.at(WAVELENGTH)
         if not (np.isfinite(n) and n > 0):
             raise out_of_range(owner, "IOR", n, 0)
@@ -311,6 +292,7 @@ class Display(Part):
     black_level : light of a black pixel relative to white, 0 up to below 1
     polarised : rad, angle of its light's linear polarisation, as for a polariser; None if it is
         not polarised
+    primaries : m, dominant wavelengths of its red, green and blue
     """
 
     name: str
@@ -319,6 +301,7 @@ class Display(Part):
     height: int
     black_level: float = 0.0
     polarised: float | None = None
+    primaries: Primaries = SRGB_PRIMARIES
 
     @property
     def polarises(self) -> bool:
@@ -331,6 +314,10 @@ class Display(Part):
             raise out_of_range(owner, "Black Level", self.black_level, 0, MOST_BLACK_LEVEL)
         if self.polarised is not None and not np.isfinite(self.polarised):
             raise not_finite(owner)
+        for wavelength in self.primaries:
+            if not VISIBLE[0] <= wavelength <= VISIBLE[1]:
+                least, most = (1e9 * end for end in VISIBLE)
+                raise out_of_range(owner, "Primaries", 1e9 * wavelength, least, most)
 
     def place(self, uv: Floats) -> Floats:
         """Places (n, 2) of its image, px right and down from the top left corner, at UV (n, 2)."""

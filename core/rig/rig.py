@@ -14,19 +14,17 @@ from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.messages import Message, as_message, quoted
 from .catalogue import PLATES
+from .dispersion import SRGB_PRIMARIES, WAVELENGTH, ConstantIndex, Index
 from .joined_display import Section, check_displays, join, sections_of
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
 from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
 from .parts import (
-    WAVELENGTH,
     Blocker,
-    ConstantIndex,
     Display,
     Film,
     Glass,
     HalfMirror,
-    Index,
     Lens,
     Mirror,
     Picture,
@@ -253,10 +251,27 @@ class Rig:
             for role in ROLES
             if role.kind is not None or role.name == "SCREEN"
         }
-        # landings do not depend on the black level
-        met["displays"] = tuple(replace(one, black_level=0.0) for one in met["displays"])
+        # landings do not depend on the black level, nor at one wavelength on the primaries
+        for name in ("displays", "screens"):
+            met[name] = tuple(
+                replace(one, black_level=0.0, primaries=SRGB_PRIMARIES) for one in met[name]
+            )
         of_all = fingerprint(replace(self, viewers=(), pictures=(), projectors=(), **met))
         return tuple(fingerprint(of_all, replace(one, weight=1.0)) for one in self.viewers)
+
+    @property
+    def disperses(self) -> bool:
+        """Whether an index of refraction differs between the primaries of the display."""
+        primaries = self.display.primaries
+        return any(len({glass.ior.at(one) for one in primaries}) > 1 for glass in self.glasses)
+
+    def in_one_colour(self, wavelength: float) -> "Rig":
+        """The rig with light of one wavelength, m, on all displays and screens."""
+        lit = {
+            name: tuple(replace(one, primaries=(wavelength,) * 3) for one in getattr(self, name))
+            for name in ("displays", "screens")
+        }
+        return replace(self, **lit)
 
     def curved_parts(self) -> tuple[Any, ...]:
         """The parts that may be curved: all glasses, then all mirrors."""

@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike
 
 from ..base.arrays import Floats
 from ..base.errors import RigError, not_finite, out_of_range
+from ..base.vectors import dot
 from .mesh import Mesh
 from .parts import Picture, Plate
 from .roles import Part
 
+ARCMIN = np.degrees(1.0) * 60
 PERPENDICULAR = 1e-9  # largest deviation of a frame's axes from orthonormality
 
 
@@ -96,6 +98,12 @@ class Viewer(Part):
         length = np.sqrt(sum(a * a for a in along))
         directions = np.stack([a / length for a in along], axis=1)
         return np.broadcast_to(self.position, directions.shape).copy(), directions
+
+    def arcmin_between(self, one: Floats, other: Floats) -> Floats:
+        """Angles (n,), arcmin, between the rays through places (n, 2) viewer px; NaN at NaN."""
+        along, other_rays = (self.rays(xy)[1] for xy in (one, other))
+        across = np.linalg.norm(np.cross(along, other_rays), axis=1)
+        return ARCMIN * np.arctan2(across, dot(along, other_rays))
 
     def project(self, points: ArrayLike) -> Floats:
         """Viewer pixels (n, 2) of points (n, 3), without refraction; NaN behind a perspective

@@ -79,6 +79,7 @@ def measuring(
 
 
 WHITE = 1.0, 1.0, 1.0
+COLOURS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class ChannelKey(NamedTuple):
@@ -104,8 +105,13 @@ ChannelMaps = Sequence[tuple[ChannelKey, ViewMap]]
 
 
 def channel_keys(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:
-    """Channels of a rig; one wavelength represents all colours of a viewer."""
-    return tuple(ChannelKey(viewer, settings.wavelength, WHITE) for viewer in rig.viewers)
+    """Channels of a rig: for each viewer one that represents all colours, or one for each of red,
+    green and blue if the glass disperses their light.
+    """
+    of_viewer = ((settings.wavelength, WHITE),)
+    if rig.disperses:
+        of_viewer = tuple(zip(rig.display.primaries, COLOURS, strict=True))
+    return tuple(ChannelKey(viewer, *one) for viewer in rig.viewers for one in of_viewer)
 
 
 @dataclass(eq=False)
@@ -140,6 +146,8 @@ class Channel:
         gaps in the glass is painted but not counted
     misses : fraction of the picture as seen, by the reason why it has no landing; sums to 1 with
         picture_coverage
+    colours : channels of the viewer's red, green and blue, if it has several; this one is the green
+        one, whose map and figures represent all
     """
 
     plan: Plan
@@ -154,6 +162,16 @@ class Channel:
     view_coverage: Floats
     picture_coverage: float
     misses: dict[str, float]
+    colours: tuple["Channel", ...] = ()
+
+    @classmethod
+    def joined(cls, channels: Sequence["Channel"]) -> tuple["Channel", ...]:
+        """One channel for each viewer, in order, from those of its colours."""
+        n = len(channels) // len(channels[0].plan.rig.viewers)
+        if n == 1:
+            return tuple(channels)
+        own = (tuple(channels[k : k + n]) for k in range(0, len(channels), n))
+        return tuple(replace(one[n // 2], colours=one) for one in own)
 
     @property
     def viewer(self) -> Viewer:
@@ -193,6 +211,13 @@ class Channel:
         self, source: NDArray[np.float32], past_glass: bool = False
     ) -> Steps[NDArray[np.float32]]:
         """`seen` in steps, since the first pass over a large image takes seconds."""
+        if self.colours:
+            n = len(self.colours)
+            seen = np.empty((self.viewer.height, self.viewer.width, source.shape[2]), np.float32)
+            for k, one in enumerate(self.colours):
+                seen[..., k::n] = yield from one.seeing(source[..., k::n], past_glass)
+            return seen
+
         shown = self.plan.rig.display.light_of(source)
         seen = yield from seeing(self._seen_shares, shown)
         if not past_glass or self._seen_past_glass is None:
@@ -211,8 +236,12 @@ class Channel:
         0..1.
         """
         settings = self.plan.settings
+        for k, one in enumerate(self.colours):
+            steps = one.trace_stray_light()
+            yield from subprogress(steps, k / len(self.colours), (k + 1) / len(self.colours))
         if (
-            settings.only_through_glass
+            not self.colours
+            and settings.only_through_glass
             and not settings.looks_past_glass
             and "_map_past_glass" not in vars(self)
         ):

@@ -62,6 +62,19 @@ def is_sharp(rig: Rig, settings: Settings) -> bool:
 def settle(
     channels: Sequence[Placed], clock: Clock, is_sharp: bool
 ) -> Generator[float, None, Settled]:
+    """`settle_colour` for each colour; returns what the middle one settled."""
+    colours = list(dict.fromkeys(placed.key.colours for placed in channels))
+    found = []
+    for k, colour in enumerate(colours):
+        own = [placed for placed in channels if placed.key.colours == colour]
+        steps = settle_colour(own, clock, is_sharp)
+        found.append((yield from subprogress(steps, k / len(colours), (k + 1) / len(colours))))
+    return found[len(found) // 2]
+
+
+def settle_colour(
+    channels: Sequence[Placed], clock: Clock, is_sharp: bool
+) -> Generator[float, None, Settled]:
     """Find the places that viewers need and the places to show; yields progress 0..1.
 
     is_sharp : move the shares to the places to show

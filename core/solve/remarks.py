@@ -24,6 +24,7 @@ from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST
 from .channel import Channel
 from .disagreement import is_sharp
+from .lateral_colour import LateralColour
 from .solution import Remark, note, warning
 from .tessellation import Tessellation
 
@@ -217,16 +218,20 @@ UNDECIDED = 0.01  # fraction of the light with an uncertain path
 MOST_CAUGHT = 0.9
 
 
-def remarks_on(channels: Sequence[Channel], light: NDArray[np.float32]) -> tuple[Remark, ...]:
+def remarks_on(
+    channels: Sequence[Channel], light: NDArray[np.float32], colour: LateralColour | None
+) -> tuple[Remark, ...]:
     """Remarks on the channels of a solution, each sentence once.
 
     light : (H, W, 3) wanted of the display's pixels, linear
+    colour : lateral colour; None without dispersion
     """
     remarks = list(_on_blind(channels)) if len(channels) > 1 else []
     for channel in channels:
         remarks += [remark for remark in _on_channel(channel, light) if remark not in remarks]
     plan = channels[0].plan
     remarks += _on_disagreement(plan.rig, plan.settings)
+    remarks += _on_colour(colour)
     return tuple(remarks)
 
 
@@ -253,6 +258,27 @@ def remarks_on_displays(rig: Rig, by_display: Sequence[Sequence[float]]) -> tupl
             )
             for display, is_dark in zip(rig.lit, dark, strict=True)
             if is_dark
+        ),
+    )
+
+
+def _on_colour(colour: LateralColour | None) -> tuple[Remark, ...]:
+    """A remark on dispersion: the number of maps, and the lateral colour."""
+    if colour is None:
+        return ()
+    if colour.is_one_map:
+        px = number(colour.apart)
+        return (
+            note("One map serves all colours: their light lands at most {px} px apart.", px=px),
+        )
+    if colour.before is None or colour.after is None:
+        return ()
+    return (
+        note(
+            "Each colour has a map of its own: with one map, red and blue would be seen up to"
+            " {before} px apart; now it is {after} px.",
+            before=number(colour.before.largest_px),
+            after=number(colour.after.largest_px),
         ),
     )
 

@@ -41,6 +41,7 @@ from .channel import (
     weight_past_glass,
 )
 from .disagreement import Settled, is_comparable, is_sharp, settle
+from .lateral_colour import MAP_EACH, Colours, LateralColour, why_one_map
 from .memory import check_memory, check_traced
 from .painting import PASS, Clock, Placed, finished, paint, place
 from .picture_coverage import check_seen, of_displays, why_dark
@@ -186,11 +187,9 @@ def measure(unmeasured: Sequence[tuple[Traced, Plan]], clock: Clock) -> Generato
 def channels_of(
     plans: Sequence[Plan], optics: Optics, place: PlacedParts, light: NDArray[np.float32]
 ) -> tuple[Channel, ...]:
-    """All channels of a rig."""
-    return tuple(
-        _channel(*of_one, light)
-        for of_one in zip(plans, optics.channels, place.channels, strict=True)
-    )
+    """The channel of each viewer."""
+    of_each = zip(plans, optics.channels, place.channels, strict=True)
+    return Channel.joined([_channel(*of_one, light) for of_one in of_each])
 
 
 def _but_leaked(
@@ -245,6 +244,7 @@ class Session:
         self._pyramids: tuple[Pyramid, ...] = ()  # for each channel's image
         self._shown: Shown | None = None
         self._projections: dict[str, Projection] = {}
+        self._colours = Colours(self._cache)
         self.is_tracing = False  # whether a view map is being traced
 
     def solve(
@@ -304,6 +304,7 @@ class Session:
     ) -> Generator[float, None, Solution]:
         """`solve` without projectors."""
         clock = Clock()
+        rig, apart = yield from hold_progress(0.0, self._colours.needed(rig, settings))
         keys = keys_of(rig, settings)
         clock.lap("fingerprint")
 
@@ -344,6 +345,8 @@ class Session:
         yield measured[0]
         n_rays += yield from subprogress(measure(to_be_measured, clock), *measured)
         channels = channels_of(plans, optics, placed, light)
+        maps = [traced.view_map for traced in optics.channels]
+        colour = self._colours.lateral(plans, maps, optics.keys, apart)
         by_display = yield from hold_progress(measured[1], _by_display(channels))
         clock.lap("coverage")
 
@@ -354,9 +357,10 @@ class Session:
             channels=channels,
             seconds=clock.seconds,
             n_rays=n_rays,
-            used=channels[0].plan.used,
-            left_out=channels[0].plan.left_out + _left_out(is_new, placed.channels),
-            remarks=remarks_on(channels, light) + remarks_on_displays(rig, by_display),
+            used=channels[0].plan.used + ((MAP_EACH,) if channels[0].colours else ()),
+            left_out=channels[0].plan.left_out + _left_out(is_new, placed.channels, colour),
+            remarks=remarks_on(channels, light, colour) + remarks_on_displays(rig, by_display),
+            colour=colour,
             by_display=by_display[0] if by_display else (),
             settled=placed.settled,
         )
@@ -409,6 +413,10 @@ class Session:
         """
         settings = settings.for_rig(rig)
         clock = Clock()
+        if is_coarse:
+            rig = rig.in_one_colour(settings.wavelength)
+        else:
+            rig, _ = yield from hold_progress(0.0, self._colours.needed(rig, settings))
         of_rig = channel_keys(rig, settings)
         if not is_coarse:
             keys = keys_of(rig, settings)
@@ -433,7 +441,9 @@ class Session:
 
     def has_view_maps(self, rig: Rig, settings: Settings) -> bool:
         """Whether the view maps of a rig are cached, so that a solve traces none."""
-        return self._has(keys_of(rig, settings.for_rig(rig)))
+        settings = settings.for_rig(rig)
+        needed = self._colours.cached(rig, settings)
+        return needed is not None and self._has(keys_of(needed, settings))
 
     def _has(self, keys: tuple[str, ...]) -> bool:
         return self._optics is not None and set(keys) <= set(self._optics.keys)
@@ -491,13 +501,14 @@ class Session:
         too.
         """
         cached = {} if self._optics is None else self._optics.by_key
-        of_rig = zip(keys, channel_keys(rig, settings), strict=True)
-        new = {key: one for key, one in of_rig if key not in cached}
+        of_rig = channel_keys(rig, settings)
+        new = {key: one for key, one in zip(keys, of_rig, strict=True) if key not in cached}
         of_new = replace(rig, viewers=tuple(one.viewer for one in new.values()))
         n_rays = 0
         if new:
-            are_cached = [viewer not in of_new.viewers for viewer in rig.viewers]
-            check_memory(rig, settings, are_cached, is_checked_again=True)
+            of_all = replace(rig, viewers=tuple(one.viewer for one in of_rig))
+            are_cached = [one not in new.values() for one in of_rig]
+            check_memory(of_all, settings, are_cached, is_checked_again=True)
 
         for k, (key, one) in enumerate(new.items()):
             span = section((0.0, 1.0), k, len(new))
@@ -532,9 +543,11 @@ class Session:
         return Traced(plan, view_map, weight)
 
 
-def _left_out(is_new: bool, channels: Sequence[Placed]) -> tuple[Message, ...]:
+def _left_out(
+    is_new: bool, channels: Sequence[Placed], colour: LateralColour | None
+) -> tuple[Message, ...]:
     """Parts of a solve that were not needed, or had no room."""
-    found = () if is_new else (UNTRACED,)
+    found = why_one_map(colour) + (() if is_new else (UNTRACED,))
     return (*found, NOT_KEPT) if any(one.lacks_memory for one in channels) else found
 
 

@@ -16,6 +16,7 @@ from ..rig.rig import Rig
 from ..rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE
 from .channel import Channel
 from .disagreement import Settled
+from .lateral_colour import LateralColour
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Solution:
     """The source image, and the fate of the viewers' rays.
 
     source : (H, W, 3) float32 linear, row 0 at the top
-    channels : one for each viewer and wavelength
+    channels : one for each viewer
     seconds : time by stage
     n_rays : rays traced for this solve
     used, left_out : parts of the method this rig needed, and parts it did not
@@ -59,6 +60,7 @@ class Solution:
     by_display : of several displays and screens, the fraction of the picture, as the first viewer
         sees it, that each shows
     projected : (h, w, 3) float32 linear, an image for each projector
+    colour : lateral colour of the first viewer; None if the glass does not disperse
     """
 
     rig: Rig
@@ -72,6 +74,7 @@ class Solution:
     settled: Settled | None = None
     by_display: tuple[float, ...] = ()
     projected: tuple[NDArray[np.float32], ...] = ()
+    colour: LateralColour | None = None
 
     @property
     def sections(self) -> tuple[Section, ...]:

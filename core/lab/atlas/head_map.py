@@ -181,7 +181,7 @@ def solved_at(
     RigError, MeshError : the rig cannot be solved there
     """
     head = viewer_at(viewer, rig.picture_place, offset)
-    moved = replace(rig, viewers=(head,))
+    moved = replace(rig, viewers=(head,)).in_one_colour(settings.wavelength)
     solution = yield from subprogress(session.solve(moved, settings), 0.0, SOLVED)
     found = yield from subprogress(head_map(solution.first), SOLVED, 1.0)
     return found, solution.source

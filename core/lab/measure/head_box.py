@@ -25,7 +25,6 @@ from ...rig.viewer import Viewer
 from ..atlas.heads import AXES, HeadBox, Offset, check_viewer, evenly, viewer_at
 from ..drawing.svg import Curve, draw, from_zero, points_mm, sheet
 from .places_seen import Observer, grid_on, places_of_shown, places_shown
-from .viewer_errors import arcmin_between
 
 FILE = "head_box.svg"
 N_POINTS = 7  # points of the picture, each way
@@ -153,7 +152,7 @@ def angles_of(place: PicturePlace, heads: Sequence[Viewer], uv: Floats, seen: Fl
     """Errors of heads that see places uv (n, 2) of a picture at (k, n, 2) px of their images."""
     found = np.empty(seen.shape[:2])
     for k, head in enumerate(heads):
-        found[k] = arcmin_between(head, seen[k], view_of_picture(place, head, uv))
+        found[k] = head.arcmin_between(seen[k], view_of_picture(place, head, uv))
     return found
 
 

@@ -30,7 +30,6 @@ from ..atlas.heads import Offset, check_viewer, viewer_at
 from ..drawing.svg import Curve, linear, points_mm, sheet
 from .head_box import angles_of
 from .places_seen import Observer, grid_on, places_of_shown, places_shown
-from .viewer_errors import arcmin_between
 
 LIMIT = 5.0  # arcmin
 LEAST = 0.98  # of the points
@@ -313,7 +312,7 @@ def _numbers(walk: Walk, head: Viewer, seen: Floats) -> tuple[float | None, ...]
         return NOTHING_SEEN
     seen, straight = seen[is_seen], straight[is_seen]
     statistics = []
-    for off in (arcmin_between(head, seen, straight), np.linalg.norm(seen - straight, axis=1)):
+    for off in (head.arcmin_between(seen, straight), np.linalg.norm(seen - straight, axis=1)):
         statistics += [float(off.mean()), float(off.max())]
     return *statistics, float(walk.weights[is_seen].sum() / walk.weights.sum())
 

@@ -335,7 +335,7 @@ def make_reference(
             display=detailed.display.name,
         )
 
-    plan = compile_plan(detailed, settings)
+    plan = compile_plan(detailed, replace(settings, wavelength=solution.first.wavelength))
     channels = tuple(
         _traced(plan.seen_by(viewer), solved, of_dots, white)
         for viewer, solved, of_dots in zip(

@@ -37,11 +37,12 @@ from ...light.compile_plan import compile_plan_steps
 from ...light.mesh_cache import MeshCache
 from ...rig.rig import Rig, Viewer
 from ...rig.settings import Settings
+from ...rig.viewer import ARCMIN
 from ...solve.solution import Solution, without_glass
 from ..atlas.heads import check_perspective
 from ..drawing.svg import FONT, document, text_at
 from .places_seen import Observer, grid_of, grid_on, places_seen
-from .viewer_errors import ARCMIN, N_POINTS, displaced
+from .viewer_errors import N_POINTS, displaced
 
 MOST_APART = np.cos(np.radians(45.0))  # largest angle between the axes of two eyes
 TIRES_FROM = 15.0  # arcmin of vertical disparity; source above

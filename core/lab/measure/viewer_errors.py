@@ -8,7 +8,6 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...base.steps import Steps, hold_progress
-from ...base.vectors import dot
 from ...image.flat_picture import not_flat, view_of_picture
 from ...image.inverse_lookup import mapped, plane_mapping
 from ...image.picture import cover_in_view
@@ -18,7 +17,6 @@ from ...light.rays import main_landings
 from ...light.trace import trace_all
 from ...rig.rig import Rig
 from ...rig.settings import Settings
-from ...rig.viewer import Viewer
 from ...solve.channel import Channel
 from ...solve.session import Session
 from ...solve.solution import Solution
@@ -29,7 +27,6 @@ N_POINTS = 7  # points of the picture, each way
 MOST_ROUNDS = 20
 SETTLED_PX = 1e-9  # viewer px
 WHOLE = 0.99  # of a viewer pixel: below this it does not show only the picture
-ARCMIN = np.degrees(1.0) * 60
 
 
 @dataclass(frozen=True)
@@ -104,7 +101,7 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
     n_points = int(np.isfinite(length).sum())
 
     is_eye = viewer.projection == "perspective"
-    angle = arcmin_between(viewer, seen, straight) if is_eye else np.full(len(length), np.nan)
+    angle = viewer.arcmin_between(seen, straight) if is_eye else np.full(len(length), np.nan)
     if solution.rig.has_own_images:  # a single viewer's picture is not moved towards others
         length, angle = np.full((2, len(length)), np.nan)
 
@@ -126,13 +123,6 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
         psnr=psnr(difference),
         unremovable=unremovable,
     )
-
-
-def arcmin_between(viewer: Viewer, one: Floats, other: Floats) -> Floats:
-    """Angles (n,), arcmin, between the rays through places (n, 2) viewer px; NaN at NaN."""
-    along, other_rays = (viewer.rays(xy)[1] for xy in (one, other))
-    across = np.linalg.norm(np.cross(along, other_rays), axis=1)
-    return ARCMIN * np.arctan2(across, dot(along, other_rays))
 
 
 def _mean_and_largest(values: Floats) -> tuple[float | None, float | None]:

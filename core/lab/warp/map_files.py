@@ -44,8 +44,6 @@ FORMATS = {
 }
 TIMES = (1, 2, 4)
 MOST_OVERSCAN = 100.0
-# m, red, green and blue: dominant wavelengths of the primaries of ITU-R BT.709 and sRGB
-PRIMARIES = (611e-9, 549e-9, 464e-9)
 BYTES = 600  # per point of a map at the memory peak, measured with ten candidates per point
 SMALLER = Message("set a smaller ffmpeg Size, or other formats")
 NOTHING = 65535  # marks an empty pixel in a .pgm: beyond every image, so ffmpeg fills it
@@ -55,8 +53,7 @@ def wavelengths_for(rig: Rig, wavelength: float) -> tuple[float, ...]:
     """Wavelengths of a rig's maps, m: the display's primaries if the glass disperses, else the
     wavelength of the solve.
     """
-    disperses = any(len({glass.ior.at(one) for one in PRIMARIES}) > 1 for glass in rig.glasses)
-    return PRIMARIES if disperses else (wavelength,)
+    return rig.display.primaries if rig.disperses else (wavelength,)
 
 
 @dataclass(frozen=True)
