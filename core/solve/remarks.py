@@ -219,7 +219,9 @@ MOST_CAUGHT = 0.9
 
 
 def remarks_on(
-    channels: Sequence[Channel], light: NDArray[np.float32], colour: LateralColour | None
+    channels: Sequence[Channel],
+    light: NDArray[np.float32],
+    colour: LateralColour | None = None,
 ) -> tuple[Remark, ...]:
     """Remarks on the channels of a solution, each sentence once.
 

@@ -64,6 +64,11 @@ class Optics(NamedTuple):
     channels: tuple[Traced, ...]
 
     @property
+    def maps(self) -> tuple[ViewMap, ...]:
+        """View map of each channel."""
+        return tuple(traced.view_map for traced in self.channels)
+
+    @property
     def by_key(self) -> dict[str, Traced]:
         """Channels by key."""
         return dict(zip(self.keys, self.channels, strict=True))
@@ -345,8 +350,7 @@ class Session:
         yield measured[0]
         n_rays += yield from subprogress(measure(to_be_measured, clock), *measured)
         channels = channels_of(plans, optics, placed, light)
-        maps = [traced.view_map for traced in optics.channels]
-        colour = self._colours.lateral(plans, maps, optics.keys, apart)
+        colour = self._colours.lateral(plans, optics.maps, optics.keys, apart)
         by_display = yield from hold_progress(measured[1], _by_display(channels))
         clock.lap("coverage")
 
