@@ -10,6 +10,7 @@ from ..base.arrays import Floats, Ints
 from ..base.messages import Message, joined
 from ..base.steps import Steps
 from ..base.vectors import dot
+from ..light.beams import in_quilt
 from ..light.plan import Plan
 from ..light.rays import are_main
 from ..light.trace import tracing
@@ -116,10 +117,10 @@ def trace_stray_light(plan: Plan, seed: int = 0) -> Steps[StrayLight]:
     size = plan.rig.display.width, plan.rig.display.height
     is_through, pixel = landings.pixels(*size)
     is_past_glass, past_pixel = landings.pixels_past_glass(*size)
-    is_seen = is_through | is_past_glass
+    is_seen, pixel = in_quilt(plan, landings, is_through | is_past_glass, pixel + past_pixel)
     return StrayLight(
         view[landings.sample[is_seen]],
-        (pixel + past_pixel)[is_seen],
+        pixel[is_seen],
         landings.throughput[is_seen],
         is_past_glass[is_seen],
         are_main(landings, len(view))[is_seen],

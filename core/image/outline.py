@@ -44,11 +44,11 @@ def cut_along_outline(
         yield piece
 
     for parts in crossed.values():
-        whole = Piece(*map(np.concatenate, zip(*parts, strict=True)))
+        whole = Piece(
+            *(None if x[0] is None else np.concatenate(x) for x in zip(*parts, strict=True))
+        )
         for polygons, of in _cut_along(lines, np.concatenate([whole.view, whole.display], axis=2)):
-            yield Piece(
-                polygons[..., :2], polygons[..., 2:], whole.throughput[of], whole.branch[of]
-            )
+            yield whole.at(of)._replace(view=polygons[..., :2], display=polygons[..., 2:])
 
 
 def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.vectors import dot
+from ..light.beams import in_quilt
 from ..light.plan import Plan
 from ..light.plate import PlatePath
 from ..light.rays import PlateLight, are_main, main_landings
@@ -90,7 +91,9 @@ def simulate(
                 some = np.flatnonzero(random.random(len(pixels)) < share)
                 kinds.append(("reflected", some, 1.0 / share))
             for light, some, weight in kinds:
-                rays, colours, path, is_main = _shown(plan, xy[some], light, texels)
+                views = plan.rig.display.views
+                dither = 0.0 if views is None else random.random((len(some), 2)) - 0.5
+                rays, colours, path, is_main = _shown(plan, xy[some], light, texels, dither)
                 colours *= weight
                 # a ray that splits adds all its light
                 of_chunk = halves[k % 2][:, first : first + len(pixels)]
@@ -116,16 +119,19 @@ def simulate(
 
 
 def _shown(
-    plan: Plan, xy: Floats, light: PlateLight, texels: Floats
+    plan: Plan, xy: Floats, light: PlateLight, texels: Floats, dither: Floats | float
 ) -> tuple[Ints, Floats, Ints, Bools]:
     """Display light at viewer px (n, 2) for one kind of light: indices (m,) of lit points, colours
     (m, 3), PlatePath (m,), and whether by the path of the picture (m,), if parts split light.
 
     texels : (H * W, 3) of the display, row by row
+    dither : as for `in_quilt`, equal for all landings of a ray
     """
     display = plan.rig.display
     landings = trace(plan, *plan.viewer.rays(xy), light=light)
     is_seen, index = landings.pixels(display.width, display.height)
+    if display.views is not None:
+        is_seen, index = in_quilt(plan, landings, is_seen, index, dither[landings.sample])
     if light == "reflected":  # ideal plates reflect nothing
         is_seen &= landings.plate_path == PlatePath.REFLECTED
 

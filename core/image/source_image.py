@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats
+from ..light.beams import in_quilt
 from ..light.plan import Plan
 from ..light.rays import PlateLight, main_landings
 from ..light.trace import TRACED_AT_ONCE, trace
@@ -152,7 +153,7 @@ def splat(
     pictures = [plan.rig.picture_of(viewer) for viewer in viewers]
     pyramids = pyramids_of([picture.image for picture in pictures])
     random = np.random.default_rng(seed)
-    shape = display.height, display.width
+    shape = display.image_size[::-1]
     n = shape[0] * shape[1]
     total = np.zeros((3, n))
     norm = np.zeros(n)
@@ -172,6 +173,9 @@ def splat(
             if light == "imaged":  # as in the view map
                 landings = main_landings(landings, len(xy))
             inside, index = landings.pixels(display.width, display.height)
+            if display.views is not None:
+                dither = random.random((len(index), 2)) - 0.5
+                inside, index = in_quilt(plan, landings, inside, index, dither)
             index = index[inside]
             colours = pyramid.sample(picture_from_view(place, viewer, xy[landings.sample[inside]]))
             weight = landings.throughput[inside]

@@ -16,7 +16,7 @@ from ..base.steps import Steps, run_steps
 from ..glass.bounding_shell import bounding_shell_steps
 from ..glass.curved import CurvedFaces
 from ..glass.surfaces import Surface
-from ..rig.rig import Kind, Rig
+from ..rig.rig import Display, Kind, Rig
 from ..rig.settings import Settings
 from .display import DisplayPlane, absorbing_axes, display_plane
 from .engines import engine_kind
@@ -155,6 +155,7 @@ def compile_plan_steps(
     thin_parts = _thin_parts_getter(parts, deferred_boxes, mesh_cache)
     key = f"plane of {parts.sheets[-1].key}, {rig.display.width} x {rig.display.height}"
     plane = mesh_cache.get(key, lambda: display_plane(rig.display, parts.surfaces[-1]))
+    _check_views(rig.display, plane)
     mesh_cache.forget()
     yield 0
 
@@ -192,6 +193,16 @@ def compile_plan_steps(
         tracers=TRACERS,
         n_copies=MOST_COPIES * any(part.splits for _, part in rig.parts()),
     )
+
+
+def _check_views(display: Display, plane: DisplayPlane | None) -> None:
+    """Raise RigError for a display with views that is not flat: directions need one frame."""
+    if display.views is not None and plane is None:
+        raise RigError(
+            "The display '{display}' has views but is not one flat rectangle under its image: use"
+            " a plane with a UV map that fills the image, or turn its Views off.",
+            display=display.name,
+        )
 
 
 def _check_reflecting(
@@ -310,4 +321,5 @@ def _features(
         Message("light beyond the plate"): not is_clear[is_plate].any(axis=1).all(),
         Message("Fresnel"): settings.brightness,
         Message("polarisation"): is_polarised,
+        Message("views of the display"): parts.sheets[-1].part.views is not None,
     }

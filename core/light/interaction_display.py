@@ -47,7 +47,7 @@ def is_on_image(plan: Plan, xy: Floats) -> Bools:
 
 def land(plan: Plan, rays: Rays, i: Ints, place: Floats, triangle: Ints | int = 0) -> None:
     """Set the landings of rays (n,) at places (n, 2), px, on triangles (n,) of the display."""
-    rays.xy[i] = plan.rig.display.pixel(place, take(rays.directions, i))
+    rays.xy[i] = place
     if plan.display.absorbing is not None:
         axes = np.broadcast_to(plan.display.absorbing[triangle], (len(i), 3))
         rays.reach_display(i, axes)

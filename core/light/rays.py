@@ -27,6 +27,7 @@ class Reason(IntEnum):
     BLOCKED = 4
     MISSED_DISPLAY = 5
     CUT_OFF = 6
+    OUTSIDE_CONE = 7  # of a display's views
 
 
 REASON_WORDS = {
@@ -36,6 +37,7 @@ REASON_WORDS = {
     Reason.BLOCKED: Message("blocked"),
     Reason.MISSED_DISPLAY: Message("missed the display"),
     Reason.CUT_OFF: Message("cut off by Max Events"),
+    Reason.OUTSIDE_CONE: Message("outside the cone of the views"),
 }
 BY_GAPS = Message("went through gaps in the glass")  # instead of a reason
 

@@ -137,8 +137,12 @@ def last_on_branch(
 
     budget.take(start + along / 2, ends.n_tried)
     last = start + ends.low[:, None] * along
+    beam = None
+    if points.beam is not None:  # bisection finds places alone
+        found = yield from trace_points(plan, last, course)
+        beam = np.where((found.branch == branch)[:, None], found.beam, points.beam[near])
     return ends.low + ends.width, Points(
-        last, ends.xy, branch, points.reason[near], ends.throughput
+        last, ends.xy, branch, points.reason[near], ends.throughput, beam
     )
 
 

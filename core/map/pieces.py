@@ -42,15 +42,34 @@ class Piece(NamedTuple):
     view, display : (n, 4 or 3, 2) corners, viewer px and display px
     throughput : (n,)
     branch : (n,) uint64, equal for pieces seen through the same surfaces
+    beam : (n, 3, 2) of its light among the display's views, affine: derivatives by viewer px x and
+        y, and the value at 0; None without views
     """
 
     view: Floats
     display: Floats
     throughput: Floats
     branch: NDArray[np.uint64]
+    beam: Floats | None = None
 
     def at(self, which: Bools | Ints) -> "Piece":
-        return Piece(*(take(values, which) for values in self))
+        return Piece(*(None if values is None else take(values, which) for values in self))
+
+
+def _affine(view: Floats, values: Floats | None) -> Floats | None:
+    """The affine maps (n, 3, 2) nearest to values (n, k, 2) at viewer px (n, k, 2), constant where
+    these are on a line; None for None.
+    """
+    if values is None:
+        return None
+    at, value = (x.mean(axis=1, keepdims=True) for x in (view, values))
+    dx, dy = np.moveaxis(view - at, 2, 0)[..., None]
+    by_x, by_y = ((d * (values - value)).sum(axis=1) for d in (dx, dy))
+    xx, xy, yy = ((a * b).sum(axis=1) for a, b in ((dx, dx), (dx, dy), (dy, dy)))
+    det = xx * yy - xy * xy
+    scale = np.where(det > 1e-12 * xx * yy, 1 / np.where(det == 0, 1, det), 0.0)
+    slopes = np.stack([yy * by_x - xy * by_y, xx * by_y - xy * by_x], axis=1) * scale[..., None]
+    return np.concatenate([slopes, value - at @ slopes], axis=1)
 
 
 def polygons(points: Points, corners: Ints) -> Piece:
@@ -60,6 +79,9 @@ def polygons(points: Points, corners: Ints) -> Piece:
         display=take(points.xy, corners),
         throughput=mean_at(points.throughput, corners),
         branch=points.branch[corners[:, 0]],
+        beam=None
+        if points.beam is None
+        else _affine(take(points.view, corners), take(points.beam, corners)),
     )
 
 
@@ -84,6 +106,9 @@ def squares_around(
         display=np.where(UNIT_SQUARE, high[:, None], low[:, None]),
         throughput=samples.throughput,
         branch=samples.branch,
+        beam=None
+        if samples.beam is None
+        else np.pad(samples.beam[:, None], ((0, 0), (2, 0), (0, 0))),
     )
 
 
@@ -155,11 +180,16 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
     view.real = (corner[:, :1] + along)[:, None]
     view.imag = (corner[:, 1:] + along)[:, :, None]
 
+    quads, beam = _quads_between(view), None
+    if points.beam is not None:
+        of_grid = smooth_cells.on_grid(take(points.beam, nodes), m)
+        beam = _affine(quads, _quads_between(of_grid.view(complex)[..., 0]))
     return Piece(
-        view=_quads_between(view),
+        view=quads,
         display=_quads_between(landed.view(complex)[..., 0]),
         throughput=throughput,
         branch=np.repeat(points.branch[nodes[:, 0]], m * m),
+        beam=beam,
     )
 
 

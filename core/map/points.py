@@ -8,8 +8,9 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints, take, transpose_rows
 from ..base.steps import Steps, run_steps
 from ..base.vectors import cross_2d
+from ..light.beams import beams
 from ..light.plan import Plan
-from ..light.rays import Step, Words, main_landings, main_of
+from ..light.rays import Reason, Step, Words, main_landings, main_of
 from ..light.trace import TRACED_AT_ONCE, recording, tracing
 from ..rig.viewer import Viewer
 
@@ -23,7 +24,7 @@ PATHS_GROWTH = 1.5  # growth of the room for paths when it is full
 @dataclass(frozen=True, eq=False)
 class Points:
     """Traced points: viewer px (n, 2), landings on the display, px (n, 2), branch, reason,
-    throughput (n,).
+    throughput (n,), and beam (n, 2) among the display's views, None if it has none.
     """
 
     view: Floats
@@ -31,6 +32,7 @@ class Points:
     branch: np.ndarray
     reason: np.ndarray
     throughput: Floats
+    beam: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.view)
@@ -41,7 +43,8 @@ class Points:
         return cls(two, two, np.empty(0, np.uint64), np.empty(0, np.uint8), np.empty(0))
 
     def at(self, which: Ints) -> "Points":
-        return Points(*(take(getattr(self, f.name), which) for f in fields(Points)))
+        of_each = (getattr(self, f.name) for f in fields(Points))
+        return Points(*(None if values is None else take(values, which) for values in of_each))
 
     def and_more(self, others: "Points") -> "Points":
         """These points, followed by others."""
@@ -57,7 +60,8 @@ class Points:
         """`joined`, with pauses: millions of points take a third of a second."""
         arrays = []
         for name in (f.name for f in fields(cls)):
-            arrays.append(np.concatenate([getattr(p, name) for p in parts]))
+            values = [x for p in parts if (x := getattr(p, name)) is not None]
+            arrays.append(np.concatenate(values) if values else None)
             yield 0
         return cls(*arrays)
 
@@ -128,8 +132,9 @@ def trace_points(
     """
     n = len(view)
     points = Points(
-        view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n)
-    )
+        view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n),
+        None if plan.rig.display.views is None else np.empty((n, 2)),
+    )  # fmt: skip
 
     at_once = TRACED_AT_ONCE
     if paths is not None or courses is not None:
@@ -154,6 +159,10 @@ def trace_points(
 
         for name in ("xy", "branch", "reason", "throughput"):
             getattr(points, name)[some] = getattr(landings, name)
+        if points.beam is not None:
+            points.beam[some] = beam = beams(plan, landings)
+            is_outside = landings.has_arrived & ~plan.rig.display.views.are_within(beam)
+            points.reason[some][is_outside] = Reason.OUTSIDE_CONE
 
         yield 0
 

@@ -247,6 +247,7 @@ class Sampling:
             triangles=pieces.triangles,
             reason=self._reasons(),
             tolerance=self.tolerance,
+            views=self.plan.rig.display.views,
         )
         chaotic = pieces.points.view[pieces.chaotic]
         budget = None if self.is_coarse else pieces.budget

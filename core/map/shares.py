@@ -6,7 +6,7 @@ map are made in batches.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Ints, take
 from ..native import loading
+from ..rig.views import Views
 from . import native_divide, rasterise
 from .native_divide import Divided, index_type
 
@@ -149,12 +150,14 @@ class Lot(NamedTuple):
 
     view, display : polygons (n, k, 2), px
     throughput, path : (n,), None if not needed
+    beam : (n, 3, 2) among the display's views, as in `Piece`; None without views
     """
 
     view: Floats
     display: Floats
     throughput: Floats | None = None
     path: NDArray[np.uint64] | None = None
+    beam: Floats | None = None
 
     def at(self, which: Ints) -> "Lot":
         return Lot(*(None if values is None else take(values, which) for values in self))
@@ -167,8 +170,10 @@ class ShareBatches:
     ----------
     display_size, view_size : (width, height), px
     has_throughput, has_path : whether shares have these
-    pieces : returns the cells, in batches: polygons and throughput, as for `divided`, and path,
-        None if not needed
+    pieces : returns the cells, in batches: polygons and throughput, as for `divided`, and path and
+        beam, None if not needed
+    views : of the display, each of display_size, which becomes the size of their quilt; None for
+        none
     """
 
     def __init__(
@@ -178,8 +183,10 @@ class ShareBatches:
         has_throughput: bool,
         pieces: Callable[[], Iterable[tuple[NDArray, ...]]],
         has_path: bool = False,
+        views: Views | None = None,
     ) -> None:
-        self.display_size, self.view_size = display_size, view_size
+        self.tile_size, self.view_size, self.views = display_size, view_size, views
+        self.display_size = display_size if views is None else views.quilt_size(display_size)
         self.has_throughput = has_throughput
         self.has_path = has_path
         self._pieces = pieces
@@ -232,14 +239,14 @@ class ShareBatches:
 
     def _made(self) -> Iterator[Shares | None]:
         """Divide all cells; small batches are joined with the next; None is a pause."""
-        sizes = self.display_size, self.view_size
+        sizes = self.tile_size, self.view_size
         # on a large display cells are sorted from top to bottom: a batch then lies in a few rows,
         # and `add_at` has less to add
-        is_large = self.display_size[0] * self.display_size[1] > 4 * rasterise.SHARES_AT_ONCE
+        is_large = self.tile_size[0] * self.tile_size[1] > 4 * rasterise.SHARES_AT_ONCE
 
         def lots() -> Iterator[Lot]:
-            for view, display, throughput, path in self._pieces():
-                lot = Lot(view, display, throughput if self.has_throughput else None, path)
+            for view, display, throughput, *others in self._pieces():
+                lot = Lot(view, display, throughput if self.has_throughput else None, *others)
                 if is_large:
                     lot = lot.at(np.argsort(display[:, 0, 1]))
                 yield lot
@@ -250,7 +257,9 @@ class ShareBatches:
         self.n_divided = 0
 
         begun = (
-            None if some is None else ([len(lot.view) for lot in some], divided(*sizes, some))
+            None
+            if some is None
+            else ([len(lot.view) for lot in some], divided(*sizes, some, self.views))
             for some in _by_number(lots())
         )
         for some in _one_ahead(begun):
@@ -326,22 +335,54 @@ def joined(parts: Sequence[Shares]) -> Shares:
 
 
 def divided(
-    display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[Lot]
+    display_size: tuple[int, int],
+    view_size: tuple[int, int],
+    lots: Sequence[Lot],
+    views: Views | None = None,
 ) -> Iterator[tuple[int, Shares]]:
     """Shares of lots of cells, a few at a time, with the number of the lot.
 
     Other threads start with this call, before the first shares are requested.
+
+    views : of the display, each of its size; shares are then of the quilt
     """
-    is_numbered = any(lot.throughput is not None or lot.path is not None for lot in lots)
+    is_numbered = any(values is not None for lot in lots for values in lot[2:])
     parts = rasterise.divided(display_size, [lot[:2] for lot in lots], is_numbered)
-    return _shares_of(parts, (display_size, view_size), lots)
+    return _shares_of(parts, (display_size, view_size), lots, views)
 
 
 def _shares_of(
     parts: Iterator[tuple[int, Divided]],
     sizes: tuple[tuple[int, int], tuple[int, int]],
     lots: Sequence[Lot],
+    views: Views | None,
 ) -> Iterator[tuple[int, Shares]]:
     for n, (*part, number) in parts:
-        of_cell = (None if values is None else values[number] for values in lots[n][2:])
-        yield n, Shares(*sizes, *part, *of_cell)
+        *of_cell, beam = (None if values is None else values[number] for values in lots[n][2:])
+        shares = Shares(*sizes, *part, *of_cell)
+        yield n, shares if views is None else in_views(shares, beam, views)
+
+
+def in_views(shares: Shares, beam: Floats, views: Views) -> Shares:
+    """Shares of a view's image as shares of the quilt: each in the view of its light, or divided
+    between views that overlap, or lost outside the cone.
+
+    beam : (n, 3, 2), as in `Piece`, evaluated at their centroids
+    """
+    x, y = shares.view_xy.T[..., None]
+    size = shares.display_size
+    quilt = views.quilt_size(size)
+    parts = []
+    for rays, view, weight in views.shown(beam[:, 0] * x + beam[:, 1] * y + beam[:, 2]):
+        some = shares.at(rays)
+        pixel = views.in_quilt(some.display_index.astype(np.int64), view, size)
+        parts.append(
+            replace(
+                some,
+                display_size=quilt,
+                display_index=pixel.astype(index_type(quilt)),
+                area=some.area * weight,
+                display_area=some.display_area * weight,
+            )
+        )
+    return joined(parts)

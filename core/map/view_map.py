@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, take, whole_within
 from ..base.steps import Steps, run_steps
 from ..light.rays import Reason
+from ..rig.views import Views
 from . import smooth_cells
 from .cells import count_shares
 from .pieces import Piece, kernel_widths, polygons, quads_of, squares_around
@@ -235,6 +236,7 @@ class ViewMap:
     tolerance : display px
     unchecked : (p, 4) corners of the finest pixels, in order; None once `error` is measured
     n_rays : rays traced
+    views : of the display, each of display_size; None for none
     """
 
     view_size: tuple[int, int]
@@ -253,6 +255,7 @@ class ViewMap:
     error: MapError = NO_ERROR
     unchecked: Ints | None = None
     n_rays: int = 0
+    views: Views | None = None
 
     def with_samples(self, samples: Points, area: Floats, reach: Floats) -> "ViewMap":
         """The same map with samples; it must have none yet."""
@@ -345,6 +348,9 @@ class ViewMap:
     def is_whole(self) -> Bools:
         """Viewer pixels (h, w) fully connected to the display through the glass."""
         some = self._is_inside & ~self.is_past_glass(self.nodes[:, 0])
+        if self.views is not None:
+            beam = take(self.points.beam, self.nodes[:, CORNERS].ravel())
+            some &= self.views.are_within(beam).reshape(len(some), -1).all(axis=1)
         return filled(
             self.view_size,
             self.corner[some],

@@ -43,10 +43,10 @@ class Section(NamedTuple):
 
 def sections_of(parts: Sequence[Any]) -> tuple[Section, ...]:
     """Sections of the images of displays, screens or projectors, one below the other."""
-    tops = accumulate((part.height + GAP_PX for part in parts), initial=0)
+    sizes = [part.image_size for part in parts]
+    tops = accumulate((height + GAP_PX for _, height in sizes), initial=0)
     return tuple(
-        Section(part.name, top, part.width, part.height)
-        for part, top in zip(parts, tops, strict=False)
+        Section(part.name, top, *size) for part, top, size in zip(parts, tops, sizes, strict=False)
     )
 
 
@@ -122,7 +122,7 @@ def join(displays: Sequence[Display]) -> Display:
 
 
 def check_displays(displays: Sequence[Display]) -> None:
-    """Raise RigError if several displays overlap, or a UV map leaves its own image."""
+    """Raise RigError if several displays overlap, have views, or a UV map leaves its own image."""
     if len(displays) < 2:
         return
 
@@ -133,6 +133,12 @@ def check_displays(displays: Sequence[Display]) -> None:
         )
 
     for one in displays:
+        if one.views is not None:
+            raise RigError(
+                "'{name}' has views, so it has to be the only display or screen: turn its Views"
+                " off, or set the role of the others to None.",
+                name=one.name,
+            )
         if one.mesh.uv.min() < -OVERLAP or one.mesh.uv.max() > 1 + OVERLAP:
             raise RigError(
                 "The UV map of '{name}' is larger than its image: with several displays or"

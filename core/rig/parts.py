@@ -20,6 +20,7 @@ from .dispersion import (
 from .mesh import Mesh
 from .mirror_array import MirrorArray
 from .roles import Part
+from .views import Size, Views
 
 MOST_BLACK_LEVEL = 0.99  # of the interface
 
@@ -293,6 +294,7 @@ class Display(Part):
     polarised : rad, angle of its light's linear polarisation, as for a polariser; None if it is
         not polarised
     primaries : m, dominant wavelengths of its red, green and blue
+    views : images by direction, each of width x height pixels; None for one in all directions
     """
 
     name: str
@@ -302,6 +304,17 @@ class Display(Part):
     black_level: float = 0.0
     polarised: float | None = None
     primaries: Primaries = SRGB_PRIMARIES
+    views: Views | None = None
+
+    @property
+    def size(self) -> Size:
+        """Width and height of a view, px."""
+        return self.width, self.height
+
+    @property
+    def image_size(self) -> Size:
+        """Width and height of its source image, px: of the quilt if it has views."""
+        return self.size if self.views is None else self.views.quilt_size(self.size)
 
     @property
     def polarises(self) -> bool:
@@ -318,19 +331,13 @@ class Display(Part):
             if not VISIBLE[0] <= wavelength <= VISIBLE[1]:
                 least, most = (1e9 * end for end in VISIBLE)
                 raise out_of_range(owner, "Primaries", 1e9 * wavelength, least, most)
+        if self.views is not None:
+            self.views.check(owner)
 
     def place(self, uv: Floats) -> Floats:
         """Places (n, 2) of its image, px right and down from the top left corner, at UV (n, 2)."""
         u, v = uv.T
         return np.stack([u * self.width, (1 - v) * self.height], axis=1)
-
-    def pixel(self, place: Floats, directions: Floats) -> Floats:
-        """Landings of rays: px (n, 2) of the source image shown at places (n, 2) px against ray
-        directions (n, 3).
-
-        Each place looks the same from all directions.
-        """
-        return place
 
     @property
     def parts(self) -> tuple["Display", ...]:

@@ -75,6 +75,11 @@ class Viewer(Part):
         """Values times the viewer's weight; the same array at a weight of 1."""
         return values if self.weight == 1 else self.weight * values
 
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height of its image, px."""
+        return self.width, self.height
+
     def _on_plane(self, xy: ArrayLike) -> tuple[Floats, Floats]:
         """Window coordinates, both (n,), of viewer pixels (n, 2), by columns for speed."""
         left, right, bottom, top = self.window

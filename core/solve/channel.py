@@ -277,10 +277,11 @@ def shares_of(
 
     def cells() -> Iterator[tuple[NDArray | None, ...]]:
         for piece in pieces():
-            yield piece.view, piece.display, piece.throughput, paths_of(piece) if has_path else None
+            path = paths_of(piece) if has_path else None
+            yield piece.view, piece.display, piece.throughput, path, piece.beam
 
     sizes = view_map.display_size, view_map.view_size
-    return ShareBatches(*sizes, has_throughput, cells, has_path)
+    return ShareBatches(*sizes, has_throughput, cells, has_path, view_map.views)
 
 
 def weight_past_glass(view_map: ViewMap, settings: Settings) -> Steps[Floats | None]:
@@ -290,10 +291,10 @@ def weight_past_glass(view_map: ViewMap, settings: Settings) -> Steps[Floats | N
     if not settings.looks_past_glass:
         return None
 
-    width, height = view_map.display_size
+    batches = shares_of(view_map, settings.brightness, partial(view_map.pieces, past_glass=True))
+    width, height = batches.display_size
     weight = np.zeros((height, width))
 
-    batches = shares_of(view_map, settings.brightness, partial(view_map.pieces, past_glass=True))
     for shares in batches.pausing():
         if shares is not None:
             add_at(weight, shares.display_index, shares.weight)

@@ -165,6 +165,9 @@ REMEDIES = {
     Reason.CUT_OFF: Message(
         "every ray meets more surfaces than Max Events allows: raise it, or simplify the glass"
     ),
+    Reason.OUTSIDE_CONE: Message(
+        "every ray is outside the cone of its views: turn it to the viewer, or widen its cone"
+    ),
 }
 
 

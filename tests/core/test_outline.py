@@ -111,7 +111,7 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
             sums = [sum(a * t**moment for a, t in some) for some in (areas, expected)]
             assert sums[0] == pytest.approx(sums[1], rel=1e-12)
 
-    for piece, _, t, b in found:
+    for piece, _, t, b, _ in found:
         assert [branch_of[number] for number in t.tolist()] == b.tolist()
         side = piece @ lines[:, :2].T + lines[:, 2]
         is_within = (side >= -1e-6).all(axis=(1, 2))

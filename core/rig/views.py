@@ -1,0 +1,187 @@
+"""Views of a display: light of one place shows another image in each direction.
+
+Light-field displays have a lens sheet over their pixels. A view is the image that one position of
+the eye sees: cameras on a line, evenly spaced, look at the display as at a window. View 0 is the
+leftmost of the lowest row. Its tile is in the lower left corner of the *quilt*, the image of all
+views, and the others follow to the right, then upward: the order of Looking Glass's players
+(https://docs.lookingglassfactory.com/keyconcepts/quilts).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import Bools, Floats, Ints
+from ..base.errors import RigError, out_of_range
+
+Size = tuple[int, int]  # columns and rows, or width and height
+HALF_TURN = 180.0  # degrees
+
+
+class Beams(NamedTuple):
+    """Light as a display's views show it; some of it may be in two views of an axis, or in none.
+
+    rays : (m,) indices of the light
+    view : (m,) number of the view
+    weight : (m,) part of the light in this view, above 0 up to 1
+    """
+
+    rays: Ints
+    view: Ints
+    weight: Floats
+
+
+@dataclass(frozen=True)
+class Views:
+    """The views of a display.
+
+    Parameters
+    ----------
+    columns, rows : number of views; a single one on an axis is seen from all its directions
+    cone : rad, horizontal and vertical angle between the outermost views, as seen from the
+        display's middle
+    overlap : 0..1 of the distance between neighbours, over which one view fades into the next; each
+        view extends by half of it on both sides
+    distance : m, from the display, where each view is seen over the whole display; inf for views
+        that are the same angle everywhere
+    tiles : columns and rows of the quilt of a single row of views; None for about as wide as high
+    """
+
+    columns: int
+    rows: int = 1
+    cone: tuple[float, float] = (0.0, 0.0)
+    overlap: float = 0.0
+    distance: float = inf
+    tiles: Size | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of views."""
+        return self.columns * self.rows
+
+    @property
+    def spacing(self) -> Floats:
+        """Distance (2,) of neighbouring views in the tangent of the angle; inf for one view."""
+        n = np.array([self.columns, self.rows], float)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(n > 1, 2 * np.tan(np.divide(self.cone, 2)) / (n - 1), inf)
+
+    @property
+    def tangents(self) -> Floats:
+        """Tangents (n, 2) of the views' angles to the right and upward, at the display's middle."""
+        number = np.arange(self.n)
+        column, row = number % self.columns, number // self.columns
+        spacing = np.where(np.isfinite(self.spacing), self.spacing, 0.0)
+        return (np.stack([column, row], axis=1) - self._middle) * spacing
+
+    @property
+    def _middle(self) -> Floats:
+        return (np.array([self.columns, self.rows]) - 1) / 2
+
+    def check(self, owner: str) -> None:
+        """Raise RigError for numbers that no display has."""
+        if min(self.columns, self.rows) < 1:
+            raise RigError("{owner} has no views: set Columns and Rows to 1 or more.", owner=owner)
+        for label, n, angle in zip(
+            ("Horizontal Cone", "Vertical Cone"), (self.columns, self.rows), self.cone, strict=True
+        ):
+            degrees = float(np.degrees(angle))
+            if n > 1 and not 0 < degrees < HALF_TURN:
+                raise RigError(
+                    "{owner} has views over a cone of {angle:g} degrees: set {name} above 0 and"
+                    " below 180.",
+                    owner=owner,
+                    angle=degrees,
+                    name=label,
+                )
+        if not 0 <= self.overlap <= 1:
+            raise out_of_range(owner, "Overlap", self.overlap, 0, 1)
+        if not self.distance > 0:
+            raise out_of_range(owner, "Distance", self.distance, 0)
+        if self.tiles is not None and (self.rows > 1 or np.prod(self.tiles) != self.n):
+            raise RigError(
+                "{owner} has {n} views but a quilt of {columns} x {rows}: set its tiles to the"
+                " number of views.",
+                owner=owner,
+                n=self.n,
+                columns=self.tiles[0],
+                rows=self.tiles[1],
+            )
+
+    def tiling(self, size: Size) -> Size:
+        """Columns and rows of the quilt of views of a size (width, height), px.
+
+        A single row of views wraps into the rectangle nearest to a square.
+        """
+        if self.rows > 1:
+            return self.columns, self.rows
+        if self.tiles is not None:
+            return self.tiles
+        columns = [n for n in range(1, self.n + 1) if self.n % n == 0]
+        shape = [abs(np.log(n * size[0] / (self.n // n * size[1]))) for n in columns]
+        best = columns[int(np.argmin(shape))]
+        return best, self.n // best
+
+    def quilt_size(self, size: Size) -> Size:
+        """Width and height, px, of the quilt of views of a size."""
+        columns, rows = self.tiling(size)
+        return columns * size[0], rows * size[1]
+
+    def tile(self, view: Ints | int, size: Size) -> tuple[Ints, Ints]:
+        """Left and upper corner, px, of the tiles of views (n,) in the quilt."""
+        columns, rows = self.tiling(size)
+        return view % columns * size[0], (rows - 1 - view // columns) * size[1]
+
+    def image(self, quilt: NDArray, view: int, size: Size) -> NDArray:
+        """The image (h, w, ...) of one view, part of a quilt (H, W, ...)."""
+        left, top = self.tile(view, size)
+        return quilt[top : top + size[1], left : left + size[0]]
+
+    def in_quilt(self, pixel: Ints, view: Ints, size: Size) -> Ints:
+        """Pixels (n,) of the quilt, row by row, for pixels (n,) of views (n,)."""
+        left, top = self.tile(view, size)
+        width = self.quilt_size(size)[0]
+        return (pixel // size[0] + top) * width + pixel % size[0] + left
+
+    def beam(self, slope: Floats, place: Floats) -> Floats:
+        """Column and row (n, 2), in units of views, whole at a view's middle, of light that leaves
+        the display with tangents (n, 2) to the right and upward.
+
+        place : (n, 2) m, right and up from the display's middle. At a finite distance m, light to
+            the place c on the line of cameras has the tangent (c - place) / m.
+        """
+        return (slope + place / self.distance) / self.spacing + self._middle
+
+    def are_within(self, beam: Floats) -> Bools:
+        """Whether beams (n, 2) are entirely in views."""
+        reach = (1 - self.overlap) / 2
+        with np.errstate(invalid="ignore"):
+            return ((beam >= -reach) & (beam <= [self.columns - 1 + reach, self.rows - 1 + reach])
+                    ).all(axis=1)  # fmt: skip
+
+    def shown(self, beam: Floats) -> Iterator[Beams]:
+        """The views that show beams (n, 2), with up to two on each axis."""
+        column, row = (self._on_axis(along) for along in beam.T)
+        for x, first in column:
+            for y, second in row:
+                weight = first * second
+                is_in = (weight > 0) & (x >= 0) & (x < self.columns) & (y >= 0) & (y < self.rows)
+                rays = np.flatnonzero(is_in)
+                view = y[rays] * self.columns + x[rays]
+                yield Beams(rays, view.astype(np.int64), weight[rays])
+
+    def _on_axis(self, along: Floats) -> list[tuple[Floats, Floats]]:
+        """Views (n,) of beams (n,) on an axis, with weights (n,): one, or two that overlap.
+
+        A view's weight is the part of the interval of width `overlap` around the beam that is
+        nearest to it: it fades linearly. Weights add up to 1.
+        """
+        if not self.overlap:
+            return [(np.floor(along + 0.5), np.ones(len(along)))]
+        first, last = (np.floor(along + 0.5 + k * self.overlap / 2) for k in (-1, 1))
+        weight = np.minimum((first + 0.5 - along) / self.overlap + 0.5, 1.0)
+        return [(first, weight), (last, np.where(last > first, 1 - weight, 0.0))]
