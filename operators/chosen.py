@@ -10,6 +10,7 @@ from ..core.blender.data.camera_viewer import frame_of, seats_of
 from ..core.blender.data.moving import stamp_of
 from ..core.blender.properties.object_settings import ELEMENT
 from ..core.blender.read.elements import tone_of
+from ..core.blender.read.role_display import primaries_of
 from . import needed, work
 
 POLLING = 50.0  # pause between reads, relative to the time of a read
@@ -45,12 +46,15 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
             o.role,
             o.use_ior,
             o.ior,
+            o.dispersion,
+            o.abbe,
             o.priority,
             o.surface,
             *(frame_of(thing, scene.render) if thing.type == "CAMERA" else o.resolution),
             file_now(o.image),
             tone_of(o.picture),
             o.display.black_level,
+            primaries_of(o.display),
             mirrors_of(o),
             *(getattr(o.element, name) for name in ELEMENT),
         )

@@ -158,6 +158,9 @@ def _draw_glass(
     row.prop(ours, "use_ior", text="")
     if ours.use_ior:
         row.prop(ours, "ior", text="")
+    layout.prop(ours, "dispersion")
+    if ours.dispersion == "ABBE":
+        layout.prop(ours, "abbe")
     layout.prop(ours, "priority")
 
     if has_own_faces(context.scene, thing) and is_flat(sides_of(context.scene, thing)):
@@ -204,6 +207,9 @@ def _draw_light_of(layout: bpy.types.UILayout, display: bpy.types.PropertyGroup)
     column.prop(display, "encoding")
     if display.encoding == "POWER":
         column.prop(display, "gamma")
+    layout.prop(display, "primaries")
+    if display.primaries == "CUSTOM":
+        layout.prop(display, "wavelengths", text="nm")
 
 
 def _draw_plate(layout: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:

@@ -10,7 +10,8 @@ from ..base.arrays import Floats
 from ..base.messages import Message
 from ..base.products import turn
 from ..glass.motion import Motion, find_motion
-from ..rig.rig import ROLES, WAVELENGTH, ConstantIndex, Glass, Mesh, Plate, Rig, Role, Viewer
+from ..rig.dispersion import WAVELENGTH, ConstantIndex, ShiftedIndex
+from ..rig.rig import ROLES, Glass, Mesh, Plate, Rig, Role, Viewer
 
 # Expected standard deviations of a bench set up with rulers and squares, in the parameters' units.
 TOLERANCES = {
@@ -251,7 +252,9 @@ def with_part(rig: Rig, place: tuple[str, int], part: Any) -> Rig:
 
 
 def _other_index(glass, amount: float):
-    return replace(glass, ior=ConstantIndex(glass.ior.at(WAVELENGTH) + amount))
+    n = glass.ior.at(WAVELENGTH) + amount
+    is_constant = isinstance(glass.ior, ConstantIndex)
+    return replace(glass, ior=ConstantIndex(n) if is_constant else ShiftedIndex(glass.ior, n))
 
 
 def _crossed_wrong(plate: Plate, degrees: float) -> Plate:

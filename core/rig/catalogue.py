@@ -241,7 +241,7 @@ GLASSES = {
         GlassProduct(
             "Casting Resin (CR-39)",
             1.498,
-            "PPG, CR-39 product bulletin, 2006; Abbe number 59.3: PPG, CR-39 monomer, 2013",
+            "PPG, CR-39 product bulletin, 2006, with PPG's Abbe number, 2013",
             AbbeIndex(1.498, 59.3),
         ),
         GlassProduct(

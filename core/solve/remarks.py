@@ -24,7 +24,7 @@ from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST
 from .channel import Channel
 from .disagreement import is_sharp
-from .lateral_colour import LateralColour
+from .lateral_colour import Distances, LateralColour
 from .solution import Remark, note, warning
 from .tessellation import Tessellation
 
@@ -278,11 +278,20 @@ def _on_colour(colour: LateralColour | None) -> tuple[Remark, ...]:
     return (
         note(
             "Each colour has a map of its own: with one map, red and blue would be seen up to"
-            " {before} px apart; now it is {after} px.",
-            before=number(colour.before.largest_px),
-            after=number(colour.after.largest_px),
+            " {before} apart; now it is {after}.",
+            before=_distance(colour.before),
+            after=_distance(colour.after),
         ),
     )
+
+
+def _distance(found: Distances) -> Message:
+    """The largest distance, px, and its angle if there is one."""
+    px = Message("{px} px", px=number(found.largest_px))
+    if found.largest_arcmin is None:
+        return px
+    angle = Message("{arcmin} arcmin", arcmin=number(found.largest_arcmin))
+    return Message("{px} ({angle})", px=px, angle=angle)
 
 
 def _on_disagreement(rig: Rig, settings: Settings) -> Iterator[Remark]:

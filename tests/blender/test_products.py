@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from extension import loaded
+from kiriko.core.rig.dispersion import WAVELENGTH
 from small_rigs import small_rig
 from test_ugly_glass import scatter
 
@@ -116,7 +117,7 @@ def test_glass_of_its_own_gets_the_index_in_its_material(scene, read, capfd):
     bpy.ops.kiriko.make_glass()
     bpy.ops.kiriko.glass_preset(preset="Lead Crystal (24 % PbO)")
     reading = read()
-    assert reading.rig.glasses[0].ior(589e-9) == pytest.approx(1.545, abs=1e-6)
+    assert reading.rig.glasses[0].ior.at(WAVELENGTH) == pytest.approx(1.545, abs=1e-6)
     assert [m.source for m in reading.materials] == ["Glass BSDF"]
     assert not glass.kiriko.use_ior
     assert "is now Lead Crystal (24 % PbO) (IOR 1.545)." in capfd.readouterr().out
@@ -133,10 +134,10 @@ def test_make_it_glass_makes_the_product_that_is_chosen(scene, read, capfd):
 
     glass = small_rig()["GLASS"]
     glass.kiriko.use_ior = False
-    assert read().rig.glasses[0].ior(589e-9) == default.ior
+    assert read().rig.glasses[0].ior.at(WAVELENGTH) == default.ior
     activate(glass)
     bpy.ops.kiriko.make_glass(product="Soda-Lime Glass")
-    assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.5233, abs=1e-6)
+    assert read().rig.glasses[0].ior.at(WAVELENGTH) == pytest.approx(1.5233, abs=1e-6)
     assert "Soda-Lime Glass" in capfd.readouterr().out
 
     findings = loaded("core.blender.checks.findings")
@@ -183,7 +184,7 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     chosen = loaded("core.blender.checks.chosen_product")
     found = chosen.glass_product(glass)
     assert (found and found.name) == name
-    assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.3333, abs=1e-6)
+    assert read().rig.glasses[0].ior.at(WAVELENGTH) == pytest.approx(1.3333, abs=1e-6)
 
     bpy.ops.kiriko.glass_preset(preset="Acrylic")
     assert "(Override IOR 1.49: " in capfd.readouterr().out
@@ -217,7 +218,7 @@ def test_other_glass_gets_it_as_its_override(scene, read, capfd, way, why):
         glass.kiriko.use_ior = True
 
     bpy.ops.kiriko.glass_preset(preset="Polycarbonate")
-    assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.5846, abs=1e-6)
+    assert read().rig.glasses[0].ior.at(WAVELENGTH) == pytest.approx(1.5846, abs=1e-6)
     assert glass.kiriko.use_ior
     reason = f": {why}" if why else ""
     assert f"(Override IOR 1.5846{reason})." in capfd.readouterr().out
@@ -252,7 +253,9 @@ def test_opaque_glass_gets_the_material_of_the_product(scene, read, look, drawn,
     assert bpy.ops.kiriko.glass_preset(preset="Polycarbonate") == {"FINISHED"}
     assert "material 'Kiriko Glass'" in capfd.readouterr().out
     assert "The material of" not in " ".join(entry.text for entry in look())
-    assert [one.ior(589e-9) for one in read().rig.glasses] == pytest.approx([1.5846] * 2, abs=1e-6)
+    assert [one.ior.at(WAVELENGTH) for one in read().rig.glasses] == pytest.approx(
+        [1.5846] * 2, abs=1e-6
+    )
     assert not any(thing.kiriko.use_ior for thing in (first, second))
     assert "Polycarbonate" in drawn("object", "OBJECT_PT_kiriko", first).labels
     made = [thing.material_slots[0].material for thing in (first, second)]

@@ -285,3 +285,50 @@ def test_material_set_by_geometry_nodes(read):
     reading = read()
     assert index(reading) == pytest.approx(2.0)
     assert reading.materials[0].material_name == "after"
+
+
+def gltf_output(tree: Any, dispersion: float) -> Any:
+    """The group that Blender's importer makes for inputs missing in shaders."""
+    group = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
+    group.interface.new_socket("Dispersion", socket_type="NodeSocketFloat")
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    node.inputs["Dispersion"].default_value = dispersion
+    return node
+
+
+@pytest.mark.every_blender
+def test_dispersion_of_an_imported_material(read):
+    """glTF's dispersion is 20 / V (KHR_materials_dispersion): 0.4 is an Abbe number of 50, exact
+    at the lines F and C; the object's own setting goes first.
+    """
+    material, tree, output = new_material()
+    tree.links.new(glass_shader(tree, ior=1.5).outputs[0], output.inputs["Surface"])
+    gltf_output(tree, 0.4)
+    stone = add_glass(material)
+    reading = read()
+    found = reading.rig.glasses[0].ior
+    assert found.at(587.6e-9) == 1.5
+    assert 0.5 / (found.at(486.1327e-9) - found.at(656.2725e-9)) == pytest.approx(50.0, rel=1e-6)
+    assert not reading.materials[0].ignored
+
+    stone.kiriko.dispersion = "NONE"
+    assert read().rig.glasses[0].ior.at(464e-9) == 1.5
+    stone.kiriko.dispersion, stone.kiriko.abbe = "ABBE", 25.0
+    found = read().rig.glasses[0].ior
+    assert 0.5 / (found.at(486.1327e-9) - found.at(656.2725e-9)) == pytest.approx(25.0, rel=1e-6)
+    stone.kiriko.dispersion = "N-SF11"
+    found = read().rig.glasses[0].ior
+    assert found.at(587.6e-9) == 1.5
+    step = found.at(486.1327e-9) - found.at(656.2725e-9)
+    assert step == pytest.approx(0.78472 / 25.68, rel=1e-3)  # SCHOTT's glass code
+
+
+def test_without_dispersion_an_index_is_one_number(read):
+    """glTF's default of 0, and no group at all."""
+    material, tree, output = new_material()
+    tree.links.new(glass_shader(tree, ior=1.5).outputs[0], output.inputs["Surface"])
+    add_glass(material)
+    assert read().rig.glasses[0].ior.at(464e-9) == 1.5
+    gltf_output(tree, 0.0)
+    assert read().rig.glasses[0].ior.at(464e-9) == 1.5

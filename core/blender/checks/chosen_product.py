@@ -170,6 +170,7 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
             for material in materials:
                 _index_of(material).default_value = product.ior
                 material.node_tree.update_tag()
+        thing.kiriko.dispersion = "MATERIAL" if product.dispersion is None else product.name
         text = Message(
             "'{name}' is now {preset} ({size}).",
             name=thing.name,

@@ -33,6 +33,8 @@ NEUTRAL: dict[str, float | None] = {
     "Displacement": None,
     "Dispersion": 0.0,
 }
+READ = {"Dispersion"}  # their numbers are not ignored
+DISPERSION_OF_ABBE = 20.0  # dispersion times Abbe number, in glTF's KHR_materials_dispersion
 # inputs without effect while others of their shader have these values
 IDLE: dict[str, dict[str, float]] = {
     "Emission Strength": {"Emission Color": 0.0},
@@ -49,12 +51,16 @@ Groups = tuple[bpy.types.Node, ...]  # the enclosing group nodes, outermost firs
 
 @dataclass(frozen=True)
 class Refraction:
-    """The index of refraction of a material, its shader, and ignored settings."""
+    """The index of refraction of a material, its shader, and ignored settings.
+
+    abbe : Abbe number; None without dispersion
+    """
 
     ior: float
     source: str
     ignored: tuple[str, ...]
     notes: tuple[str, ...]
+    abbe: float | None = None
 
 
 def material_output(material: bpy.types.Material | None) -> bpy.types.Node | None:
@@ -193,7 +199,7 @@ def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
         end, _ = feeding(node.inputs[name], groups)
         if end.is_output and end.node.type not in CONSTANT:
             yield Message("{setting} from nodes", setting=as_message(name))
-        elif neutral is None or is_at(node, name, neutral, groups):
+        elif neutral is None or name in READ or is_at(node, name, neutral, groups):
             continue
         elif end.type == "RGBA":
             yield as_message(name)
@@ -233,11 +239,15 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
         for other, _ in found
         if other != node
     ]
-    of_gltf = (one for one in material.node_tree.nodes if one.type == "GROUP" and one.node_tree)
-    for holder in (output, *(n for n in of_gltf if n.node_tree.name.startswith(OF_GLTF))):
+    inside = (one for one in material.node_tree.nodes if one.type == "GROUP" and one.node_tree)
+    of_gltf = [one for one in inside if one.node_tree.name.startswith(OF_GLTF)]
+    for holder in (output, *of_gltf):
         ignored += not_followed(holder, ())
 
-    return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes)
+    sockets = [one.inputs["Dispersion"] for one in of_gltf if "Dispersion" in one.inputs]
+    dispersion = max((number(one, ())[0] for one in sockets), default=0.0)
+    abbe = DISPERSION_OF_ABBE / dispersion if dispersion > 0 else None
+    return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes, abbe)
 
 
 def bends_light(material: bpy.types.Material | None) -> bool:

@@ -1,11 +1,16 @@
 """Tone settings of pictures, and light settings of displays."""
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty
+from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty
 
 ENCODINGS = (
     ("SRGB", "sRGB", "The curve of most displays and image files"),
     ("POWER", "Power", "A power curve, for displays calibrated to a fixed gamma"),
+)
+PRIMARIES = (
+    ("SRGB", "sRGB", "Red 611, green 549 and blue 464 nm, as most displays"),
+    ("P3", "Display P3", "Red 615, green 544 and blue 464 nm, as displays of a wide gamut"),
+    ("CUSTOM", "Custom", "Wavelengths of your own"),
 )
 
 
@@ -66,6 +71,21 @@ class KirikoDisplay(bpy.types.PropertyGroup):
         soft_max=2.6,
         precision=2,
         step=1,
+    )
+    primaries: EnumProperty(
+        name="Primaries",
+        description="Dominant wavelengths of red, green and blue, for glass with dispersion",
+        items=PRIMARIES,
+        default="SRGB",
+    )
+    wavelengths: FloatVectorProperty(
+        name="Wavelengths (nm)",
+        description="Dominant wavelengths of red, green and blue",
+        default=(611.0, 549.0, 464.0),
+        min=360.0,
+        max=830.0,
+        precision=1,
+        step=100,
     )
     black_level: FloatProperty(
         name="Black Level",

@@ -31,6 +31,24 @@ ROLE_ITEMS = (
         key=lambda item: item[-1],
     ),
 )
+# by their numbers, which Blender's files store
+DISPERSED = {
+    "Acrylic": 3,
+    "Soda-Lime Glass": 4,
+    "N-BK7, K9": 5,
+    "N-SF11": 6,
+    "Fused Silica": 7,
+    "Polycarbonate": 8,
+    "Polystyrene": 9,
+    "Casting Resin (CR-39)": 10,
+    "Water": 11,
+}
+DISPERSIONS = (
+    ("NONE", "None", "The same index for all colours", "", 0),
+    ("MATERIAL", "From Material", "Dispersion of the group glTF Material Output, if any", "", 1),
+    ("ABBE", "Abbe Number", "By one number, as data sheets give it", "", 2),
+    *((name, name, "", "", number) for name, number in DISPERSED.items()),
+)
 PLATE_MODELS = (
     (
         "IDEAL",
@@ -316,6 +334,22 @@ class KirikoObject(bpy.types.PropertyGroup):
         max=10.0,
         precision=4,
         step=1,
+    )
+    dispersion: EnumProperty(
+        name="Dispersion",
+        description="How the index changes with colour, around the index at 588 nm",
+        items=DISPERSIONS,
+        default="MATERIAL",
+    )
+    abbe: FloatProperty(
+        name="Abbe Number",
+        description="A lower number separates colours more (N-BK7 64, acrylic 53, polycarbonate"
+        " 28)",
+        default=55.0,
+        soft_min=20.0,
+        soft_max=100.0,
+        precision=1,
+        step=100,
     )
     priority: IntProperty(
         name="Priority",

@@ -10,9 +10,9 @@ from ...base.vectors import normalise
 from ...glass.meshes import geometric_normals
 from ...image.tone import Tone
 from ...rig.catalogue import GLASSES
+from ...rig.dispersion import AbbeIndex, ConstantIndex, Index, ShiftedIndex
 from ...rig.rig import (
     ROLES,
-    ConstantIndex,
     Glass,
     Mesh,
     MirrorArray,
@@ -42,6 +42,7 @@ class MaterialReading:
     source : the shader with the index, 'override' or 'default'
     ignored : settings of the material that Kiriko ignores
     own_ior : the material's index, used in renders
+    abbe : the material's Abbe number; None without dispersion
     """
 
     object_name: str
@@ -50,6 +51,7 @@ class MaterialReading:
     source: str
     ignored: tuple[str, ...] = ()
     own_ior: float | None = None
+    abbe: float | None = None
 
 
 def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]]:
@@ -79,12 +81,20 @@ def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]
     glass = Glass(
         part.name,
         part.mesh,
-        ConstantIndex(readings[0].ior),
+        _index_of(settings, readings[0]),
         settings.priority,
         settings.element.reflects,
         settings.element.prefers.lower(),
     )
     return glass, readings, notes
+
+
+def _index_of(settings: bpy.types.PropertyGroup, reading: MaterialReading) -> Index:
+    """The index read from a material, with the dispersion that its object's settings choose."""
+    if settings.dispersion in GLASSES:
+        return ShiftedIndex(GLASSES[settings.dispersion].dispersion, reading.ior)
+    abbe = {"ABBE": settings.abbe, "MATERIAL": reading.abbe}.get(settings.dispersion)
+    return ConstantIndex(reading.ior) if abbe is None else AbbeIndex(reading.ior, abbe)
 
 
 def _readings_of(part: WorldPart) -> tuple[list[MaterialReading], list[str]]:
@@ -108,6 +118,7 @@ def _readings_of(part: WorldPart) -> tuple[list[MaterialReading], list[str]]:
                 source=source,
                 ignored=found.ignored,
                 own_ior=found.ior,
+                abbe=found.abbe,
             )
         )
 

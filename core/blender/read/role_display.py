@@ -3,6 +3,7 @@
 import bpy
 
 from ...base.messages import Message
+from ...rig.dispersion import P3_PRIMARIES, SRGB_PRIMARIES, Primaries
 from ...rig.joined_display import sections_of, size_of
 from ...rig.rig import Display, Rig
 from ..materials import shaders
@@ -17,11 +18,17 @@ NO_POLARISATION = Message(
 
 
 def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
-    """A display with its resolution and black level."""
+    """A display with its resolution, black level and primaries."""
     ours = part.owner.kiriko
     polarised = ours.element.angle if ours.element.is_polarised else None
-    settings = *ours.resolution, ours.display.black_level, polarised
-    return FoundPart(Display(part.name, part.mesh, *settings), [], [])
+    light = ours.display.black_level, polarised, primaries_of(ours.display)
+    return FoundPart(Display(part.name, part.mesh, *ours.resolution, *light), [], [])
+
+
+def primaries_of(ours: bpy.types.PropertyGroup) -> Primaries:
+    """Wavelengths, m, of a display's settings."""
+    own = tuple(1e-9 * nm for nm in ours.wavelengths)
+    return {"SRGB": SRGB_PRIMARIES, "P3": P3_PRIMARIES}.get(ours.primaries, own)
 
 
 def looks(rig: Rig) -> tuple[dict[str, shaders.ImageLook], list[str]]:

@@ -54,6 +54,7 @@ def numbers_of(
         "map_error": asdict(solution.first.map_error),
         "total_seconds": sum(solution.seconds.values()),
         "cost": costs(scene, solution.seconds, tolerance),
+        "colour": None if solution.colour is None else asdict(solution.colour),
         "used": list(solution.used),
         "left_out": list(solution.left_out),
         "display_size_m": None if reading.display_size is None else list(reading.display_size),
