@@ -57,6 +57,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
             primaries_of(o.display),
             mirrors_of(o),
             *(getattr(o.element, name) for name in ELEMENT),
+            *views_of(o),
         )
         for things in needed.parts(scene).values()
         for thing in things
@@ -90,6 +91,12 @@ def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
         return ()
     p = ours.plate
     return p.model, p.pitch, p.height, p.ior, p.reflectance, p.crossing_error, p.fresnel, *p.phase
+
+
+def views_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
+    """Views of a display from its object's settings, if any."""
+    of = ours.views
+    return (of.columns, of.rows, *of.cone, of.overlap, of.distance) if of.use else ()
 
 
 def uid(block: bpy.types.ID | None) -> int:

@@ -12,8 +12,9 @@ from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from ..core.blender.data.reports import said_by
 from ..core.blender.data.stored_records import StoredNumbers
 from ..core.blender.properties.rig_settings import EXPORT_FORMATS
-from ..core.blender.result.write_result import sections_in
+from ..core.blender.result.write_result import Quilt, quilt_in, sections_in
 from ..core.files import disk, image_io
+from ..core.files.quilt import quilt_name
 from ..core.rig.joined_display import Section
 from . import needed, reporting, watch
 from .choose_rig import EndsWithRig
@@ -45,8 +46,14 @@ def target(path: str, form: str) -> Path:
     return image_io.named_for(full, form, bpy.path.extensions_image)
 
 
-def files_of(path: Path, sections: Sequence[Section]) -> dict[Section, Path]:
-    """The file of each section of an image; with their parts' names if there are several."""
+def files_of(
+    path: Path, sections: Sequence[Section], quilt: Quilt | None = None
+) -> dict[Section, Path]:
+    """The file of each section of an image; with their parts' names if there are several, and the
+    tiles of a quilt.
+    """
+    if quilt is not None:
+        path = quilt_name(path, quilt.tiling, (sections[0].width, sections[0].height))
     if len(sections) < 2:
         return dict.fromkeys(sections, path)
     names = (bpy.path.clean_name(section.name) for section in sections)
@@ -144,7 +151,8 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                 return {"RUNNING_MODAL"}
 
             path = target(self.filepath or ours.export_path, self._form(context))
-            files = files_of(path, sections_in(ours.result.source)).values()
+            source = ours.result.source
+            files = files_of(path, sections_in(source), quilt_in(source)).values()
             taken = [file for file in files if disk.is_there(file)]
             is_taken = bool(taken) and not self.overwrite
 
@@ -221,8 +229,9 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
             path = target(self.filepath or ours.export_path, form)
 
             # the dialogue showed exactly this name in red
-            pixels = pixels_from_image(ours.result.source)[..., :3]
-            files = files_of(path, sections_in(ours.result.source))
+            source = ours.result.source
+            pixels = pixels_from_image(source)[..., :3]
+            files = files_of(path, sections_in(source), quilt_in(source))
             for section, file in files.items():
                 is_shown = self.is_in_dialogue and str(file) == self.filepath
                 image_io.write(

@@ -133,6 +133,7 @@ def can_draw(rig: Rig, settings: Settings) -> bool:
         and not rig.projectors
         and not is_reflected(rig)
         and not rig.disperses
+        and rig.display.views is None
         and not is_sharp(rig, settings)
         and all(plane_mapping(rig.place_of(viewer), viewer) for viewer in rig.viewers)
         and max(rig.display.width, rig.display.height, *_picture_sizes(rig))
@@ -147,6 +148,7 @@ def is_faithful(solution: Solution) -> bool:
     display, first = solution.rig.display, solution.first
     error, viewer = first.map_error, first.viewer
     is_fine = display.width * display.height >= viewer.width * viewer.height
+    is_fine &= display.views is None
     return is_fine and error.facet_limited + error.unresolved + error.sampled <= MOST_ROUGH
 
 

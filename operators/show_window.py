@@ -14,7 +14,7 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message
 from ..core.blender.data.rigs import rigs
 from ..core.blender.result.result_images import images_of
-from ..core.blender.result.write_result import sections_in
+from ..core.blender.result.write_result import quilt_in, sections_in
 from ..core.rig.joined_display import Section
 from . import needed, reporting, windows, work
 from .windows import all_windows
@@ -214,6 +214,10 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
             )
         elif shown_result(context.scene).source is None:
             reasons.append(needed.UNSOLVED)
+        elif quilt_in(shown_result(context.scene).source) is not None:
+            reasons.append(
+                Message("The display has views: export the quilt, which the device's player shows")
+            )
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

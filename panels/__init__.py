@@ -33,6 +33,7 @@ CLASSES = (
     result_panel.VIEW3D_PT_kiriko_details,
     rig_panel.VIEW3D_MT_kiriko_rigs,
     rig_panel.VIEW3D_PT_kiriko_rig,
+    object.VIEW3D_PT_kiriko_views,
     object.VIEW3D_MT_kiriko_images,
     object.OBJECT_PT_kiriko,
     export_panel.VIEW3D_PT_kiriko_export,

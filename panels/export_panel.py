@@ -4,7 +4,7 @@ import bpy
 
 from ..core.base.messages import Message
 from ..core.blender.data.rigs import rigs
-from ..core.blender.result.write_result import sections_in
+from ..core.blender.result.write_result import quilt_in, sections_in
 from ..operators import choose_picture, show_window
 from ..operators.export import unwritable
 from ..operators.reporting import in_words
@@ -42,6 +42,9 @@ class VIEW3D_PT_kiriko_more_exports(Closed, bpy.types.Panel):
         if len(rigs(context.scene)) > 1:
             layout.prop(context.window_manager.kiriko, "show_rig")
         image = show_window.shown_result(context.scene).source
+        if image is not None and quilt_in(image) is not None:
+            layout.operator("kiriko.export_views", icon="RENDERLAYERS")
+            layout.operator("kiriko.export_interlaced", icon="ALIGN_JUSTIFY")
         for section in sections_in(image) if image is not None else ():
             label = Message("Show Window: {part}", part=section.name)
             text = {"text": in_words(label), "translate": False} if section.name else {}

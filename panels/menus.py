@@ -118,6 +118,8 @@ class VIEW3D_MT_kiriko_export(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("kiriko.export", icon="EXPORT").choose = True
         layout.operator("kiriko.export_maps", icon="UV")
+        layout.operator("kiriko.export_views", icon="RENDERLAYERS")
+        layout.operator("kiriko.export_interlaced", icon="ALIGN_JUSTIFY")
         layout.operator("kiriko.export_atlas", icon="VIEW_PAN")
         layout.operator("kiriko.export_job", icon="NETWORK_DRIVE")
         layout.separator()

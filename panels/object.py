@@ -15,11 +15,12 @@ from ..core.blender.data.camera_viewer import frame_of
 from ..core.blender.read.plane import image_of
 from ..core.blender.read.scene_picture import UNREADABLE
 from ..core.blender.result.result_images import images_of
+from ..operators import needed
 from ..operators.make_glass import can_be_given
 from ..operators.part_verbs import name_part
 from ..operators.reporting import in_words
 from ..operators.wrapping import sentence
-from .panel_text import with_labels
+from .panel_text import Closed, with_labels
 
 CHOOSE = Message("Choose Your Picture")
 PRODUCTS = {
@@ -63,6 +64,30 @@ class VIEW3D_MT_kiriko_images(bpy.types.Menu):
 
         self.layout.separator()
         self.layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
+
+
+class VIEW3D_PT_kiriko_views(Closed, bpy.types.Panel):
+    """The views of the rig's display."""
+
+    bl_label = "Views"
+    bl_parent_id = "VIEW3D_PT_kiriko_rig"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and _display(context) is not None
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.prop(_display(context).kiriko.views, "use", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        _draw_views(with_labels(self.layout), _display(context).kiriko.views)
+
+
+def _display(context: bpy.types.Context) -> bpy.types.Object | None:
+    """The rig's only display; None if there are several, or screens."""
+    found = needed.parts(context.scene)
+    displays = list(found.get("DISPLAY", ()))
+    return displays[0] if len(displays) == 1 and not found.get("SCREEN") else None
 
 
 class OBJECT_PT_kiriko(bpy.types.Panel):
@@ -124,6 +149,8 @@ def _draw_role(
         layout.prop(ours, "resolution")
         layout.operator("kiriko.fit_display", icon="FULLSCREEN_ENTER")
         _draw_light_of(layout, ours.display)
+        layout.prop(ours.views, "use")
+        _draw_views(layout, ours.views)
     elif ours.role == "SCREEN":
         layout.prop(ours, "resolution")
     elif ours.role == "PICTURE":
@@ -210,6 +237,17 @@ def _draw_light_of(layout: bpy.types.UILayout, display: bpy.types.PropertyGroup)
     layout.prop(display, "primaries")
     if display.primaries == "CUSTOM":
         layout.prop(display, "wavelengths", text="nm")
+
+
+def _draw_views(layout: bpy.types.UILayout, views: bpy.types.PropertyGroup) -> None:
+    """The number and the angles of a display's views."""
+    if not views.use:
+        return
+    layout.prop(views, "columns")
+    layout.prop(views, "rows")
+    layout.prop(views, "cone", index=-1 if views.rows > 1 else 0)
+    layout.prop(views, "overlap")
+    layout.prop(views, "distance")
 
 
 def _draw_plate(layout: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:

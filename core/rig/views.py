@@ -48,7 +48,6 @@ class Views:
         view extends by half of it on both sides
     distance : m, from the display, where each view is seen over the whole display; inf for views
         that are the same angle everywhere
-    tiles : columns and rows of the quilt of a single row of views; None for about as wide as high
     """
 
     columns: int
@@ -56,7 +55,6 @@ class Views:
     cone: tuple[float, float] = (0.0, 0.0)
     overlap: float = 0.0
     distance: float = inf
-    tiles: Size | None = None
 
     @property
     def n(self) -> int:
@@ -86,31 +84,19 @@ class Views:
         """Raise RigError for numbers that no display has."""
         if min(self.columns, self.rows) < 1:
             raise RigError("{owner} has no views: set Columns and Rows to 1 or more.", owner=owner)
-        for label, n, angle in zip(
-            ("Horizontal Cone", "Vertical Cone"), (self.columns, self.rows), self.cone, strict=True
-        ):
+        for n, angle in zip((self.columns, self.rows), self.cone, strict=True):
             degrees = float(np.degrees(angle))
             if n > 1 and not 0 < degrees < HALF_TURN:
                 raise RigError(
-                    "{owner} has views over a cone of {angle:g} degrees: set {name} above 0 and"
+                    "{owner} has views over a cone of {angle:g} degrees: set Cone above 0 and"
                     " below 180.",
                     owner=owner,
                     angle=degrees,
-                    name=label,
                 )
         if not 0 <= self.overlap <= 1:
             raise out_of_range(owner, "Overlap", self.overlap, 0, 1)
         if not self.distance > 0:
             raise out_of_range(owner, "Distance", self.distance, 0)
-        if self.tiles is not None and (self.rows > 1 or np.prod(self.tiles) != self.n):
-            raise RigError(
-                "{owner} has {n} views but a quilt of {columns} x {rows}: set its tiles to the"
-                " number of views.",
-                owner=owner,
-                n=self.n,
-                columns=self.tiles[0],
-                rows=self.tiles[1],
-            )
 
     def tiling(self, size: Size) -> Size:
         """Columns and rows of the quilt of views of a size (width, height), px.
@@ -119,8 +105,6 @@ class Views:
         """
         if self.rows > 1:
             return self.columns, self.rows
-        if self.tiles is not None:
-            return self.tiles
         columns = [n for n in range(1, self.n + 1) if self.n % n == 0]
         shape = [abs(np.log(n * size[0] / (self.n // n * size[1]))) for n in columns]
         best = columns[int(np.argmin(shape))]

@@ -132,5 +132,5 @@ def _shown(
         source = yield from hold_progress(progress, session.solve_preview(*coarser(rig, settings)))
     except (KirikoError, MemoryError):
         return
-    show(enlarged(source, rig.display.width, rig.display.height))
+    show(enlarged(source, *rig.display.image_size))
     yield progress

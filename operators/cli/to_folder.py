@@ -17,7 +17,7 @@ from ...core.blender.data import movie
 from ...core.blender.data.scene_frames import frame_files, frames_of_range, without_number
 from ...core.blender.data.stored_records import StoredNumbers
 from ...core.blender.preview.cycles_preview import Preview
-from ...core.blender.result.write_result import write_solution, write_viewers
+from ...core.blender.result.write_result import quilt_of, write_solution, write_viewers
 from ...core.files import disk, image_io
 from ...core.files.frame_list import frames_of
 from ...core.image.simulation import OTHER_PATH, by_path, simulate
@@ -79,7 +79,9 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield from products_given(context, arguments)
     reading = look_over.read_to_solve(context)
     files_of_image = {
-        image: files_of(path, reading.rig.files if image in OF_DISPLAYS else WHOLE)
+        image: files_of(path, reading.rig.files, quilt_of(reading.rig))
+        if image in OF_DISPLAYS
+        else files_of(path, WHOLE)
         for image, path in files.items()
     }
 

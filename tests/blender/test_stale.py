@@ -108,6 +108,7 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "priority": lambda rig: setattr(rig["GLASS"].kiriko, "priority", 3),
     "mirrors": lambda rig: setattr(rig["PLATE"].kiriko.plate, "model", "CROSSED"),
     "pixels of the picture": paint,
+    "views of the display": lambda rig: setattr(rig["DISPLAY"].kiriko.views, "use", True),
     "resolution of the display": lambda rig: setattr(rig["DISPLAY"].kiriko, "resolution", (64, 65)),
     "resolution of the viewer": lambda rig: setattr(ours().viewer.kiriko, "resolution", (65, 64)),
     "another viewer": add_viewer,

@@ -106,7 +106,7 @@ def test_weights_are_the_part_of_an_interval(overlap):
 
 def test_the_quilt_begins_in_the_lower_left_corner():
     """Players read view 0, the leftmost, from the lower left tile, then to the right and upward."""
-    views = Views(6, tiles=(3, 2), cone=CONE)
+    views = Views(6, cone=CONE)
     assert views.quilt_size((4, 5)) == (12, 10)
     quilt = np.zeros((10, 12), int)
     for view in range(6):
@@ -201,7 +201,6 @@ def test_refusals():
     refused(Views(4, cone=(np.pi, 0)), "cone of 180 degrees")
     refused(Views(4, cone=CONE, overlap=1.5), "Overlap")
     refused(Views(4, cone=CONE, distance=0.0), "Distance")
-    refused(Views(4, cone=CONE, tiles=(3, 1)), "quilt of 3 x 1")
     mesh = good.displays[0].mesh
     refused(Views(4, cone=CONE), "not one flat rectangle", mesh=replace(mesh, uv=mesh.uv * 0.5))
     other = replace(good.displays[0], mesh=rectangle(np.eye(3)[0], *np.eye(3)[::2], 0.1, 0.1))

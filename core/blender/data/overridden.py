@@ -16,6 +16,7 @@ OF_GROUPS = (
     "kiriko.element.reflectance",
     "kiriko.picture.gamma",
     "kiriko.display.gamma",
+    "kiriko.views.overlap",
 )
 OF_RIG = (
     "kiriko.is_rig",

@@ -15,6 +15,7 @@ from ..data.units import length_of_unit
 from ..properties.object_settings import ELEMENT
 from ..read.elements import give_mirrors
 from ..read.part_roles import Studio, in_blender
+from ..read.role_display import give_views
 from ..view.viewport_look import be_seen_as, be_seen_as_glass
 from .listed_viewers import add
 from .new_rig import new_collection
@@ -93,6 +94,8 @@ def _be_part(made: Workbench, thing: bpy.types.Object, role: Role, part: Any) ->
         ours.display.black_level = part.black_level
         ours.element.is_polarised = part.polarised is not None
         ours.element.angle = part.polarised or 0.0
+        if part.views is not None:
+            give_views(ours.views, part.views)
     elif role.name == "PLATE":
         be_plate(made, thing)
         if part.array is not None:

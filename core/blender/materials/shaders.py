@@ -42,6 +42,10 @@ class ImageLook(NamedTuple):
     black_level : light of a black texel relative to white
     width, height, below : window of its UV map in that of the image, from u = 0
     is_two_sided : also on its back
+    columns, rows, overlap : of its views, as in `core.rig.views.Views`; 1 and 1 for none
+    across, down : tiles of their quilt, which is then the image
+    slopes, places : views for each unit of the tangent of light's angle to the right and upward,
+        and of u and v
     """
 
     black_level: float = 0.0
@@ -49,6 +53,18 @@ class ImageLook(NamedTuple):
     height: float = 1.0
     below: float = 0.0
     is_two_sided: bool = False
+    columns: int = 1
+    rows: int = 1
+    overlap: float = 0.0
+    across: int = 1
+    down: int = 1
+    slopes: tuple[float, float] = (0.0, 0.0)
+    places: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def numbers(self) -> list[float]:
+        """All of its values."""
+        return list(map(float, (*self[:-2], *self.slopes, *self.places)))
 
     def uv(self, tree: Any) -> Any:
         """A socket with the UV of the image. The map is unnamed: the one used in renders, which
@@ -90,28 +106,109 @@ def show_image(
 ) -> None:
     """Make a material emit the texels of an image like the pixels of a screen: square and sharp."""
     tree, output = cleared(material)
-    black_level = look.black_level
     emission = tree.nodes.new("ShaderNodeEmission")
+    if look.columns * look.rows > 1:
+        colour = _views(tree, image, look)
+    else:
+        colour = _texels(tree, image, look.uv(tree), look.black_level)
+
+    tree.links.new(colour, emission.inputs["Color"])
+    look.put(tree, output, emission)
+    material.cycles.emission_sampling = "NONE"  # only mirror paths carry light to the viewer
+
+
+def _texels(tree: Any, image: bpy.types.Image, place: Any, black_level: float) -> Any:
+    """The light of an image's texels at a socket's place."""
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image = image
     texture.interpolation = "Closest"
     texture.extension = "CLIP"
-
-    tree.links.new(look.uv(tree), texture.inputs["Vector"])
-    colour = texture.outputs["Color"]
-    if black_level:
-        raised = tree.nodes.new("ShaderNodeVectorMath")
-        raised.operation = "MULTIPLY_ADD"
-        tree.links.new(colour, raised.inputs[0])
-        raised.inputs[1].default_value = (1 - black_level,) * 3
-        raised.inputs[2].default_value = (black_level,) * 3
-        raised.location = (-300, -220)
-        colour = raised.outputs["Vector"]
-
-    tree.links.new(colour, emission.inputs["Color"])
-    look.put(tree, output, emission)
     texture.location = (-520, -220)
-    material.cycles.emission_sampling = "NONE"  # only mirror paths carry light to the viewer
+    tree.links.new(place, texture.inputs["Vector"])
+    if not black_level:
+        return texture.outputs["Color"]
+    raised = tree.nodes.new("ShaderNodeVectorMath")
+    raised.operation = "MULTIPLY_ADD"
+    tree.links.new(texture.outputs["Color"], raised.inputs[0])
+    raised.inputs[1].default_value = (1 - black_level,) * 3
+    raised.inputs[2].default_value = (black_level,) * 3
+    raised.location = (-300, -220)
+    return raised.outputs["Vector"]
+
+
+def _views(tree: Any, image: bpy.types.Image, look: ImageLook) -> Any:
+    """The light of a quilt by its direction, Cycles' Incoming, as `core.rig.views.Views` shows it:
+    the sum over up to two views on each axis.
+
+    The axes are those of the UV map, so they follow the object.
+    """
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    tangent = tree.nodes.new("ShaderNodeTangent")
+    tangent.direction_type = "UV_MAP"
+    incoming, normal = geometry.outputs["Incoming"], geometry.outputs["True Normal"]
+    right = tangent.outputs[0]
+    up = _vector(tree, "CROSS_PRODUCT", normal, right)
+    depth = _vector(tree, "DOT_PRODUCT", incoming, normal)
+    uv = look.uv(tree)
+    split = tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(uv, split.inputs[0])
+
+    axes = []
+    for k, (axis, n) in enumerate(((right, look.columns), (up, look.rows))):
+        slope = _math(tree, "DIVIDE", _vector(tree, "DOT_PRODUCT", incoming, axis), depth)
+        place = _math(tree, "MULTIPLY_ADD", split.outputs[k], look.places[k], (n - 1) / 2)
+        place = _math(tree, "SUBTRACT", place, look.places[k] / 2)
+        beam = _math(tree, "MULTIPLY_ADD", slope, look.slopes[k], place)
+        axes.append(_on_axis(tree, beam, n, look.overlap))
+
+    total: Any = (0.0, 0.0, 0.0)
+    for column, part in axes[0]:
+        for row, other in axes[1]:
+            view = _math(tree, "MULTIPLY_ADD", row, float(look.columns), column)
+            tile = tree.nodes.new("ShaderNodeCombineXYZ")
+            down = _math(tree, "FLOOR", _math(tree, "DIVIDE", view, float(look.across)))
+            tree.links.new(down, tile.inputs["Y"])
+            left = _math(tree, "MULTIPLY_ADD", down, -float(look.across), view)
+            tree.links.new(left, tile.inputs["X"])
+            place = _vector(tree, "ADD", uv, tile.outputs[0])
+            place = _vector(tree, "MULTIPLY", place, (1 / look.across, 1 / look.down, 0.0))
+            light = _texels(tree, image, place, look.black_level)
+            weight = tree.nodes.new("ShaderNodeCombineXYZ")
+            for socket in weight.inputs:
+                tree.links.new(_math(tree, "MULTIPLY", part, other), socket)
+            total = _vector(tree, "MULTIPLY_ADD", light, weight.outputs[0], total)
+    return total
+
+
+def _on_axis(tree: Any, beam: Any, n: int, overlap: float) -> list[tuple[Any, Any]]:
+    """Sockets of the views of a beam on an axis of n views, and of their weights; 0 outside."""
+    ends = [-overlap / 2, overlap / 2] if overlap and n > 1 else [0.0]
+    views = [_math(tree, "FLOOR", _math(tree, "ADD", beam, 0.5 + end)) for end in ends]
+    weights: list[Any] = [1.0]
+    if len(ends) == 2:
+        into = _math(tree, "SUBTRACT", _math(tree, "ADD", views[0], 0.5), beam)
+        first = _math(tree, "MULTIPLY_ADD", into, 1 / overlap, 0.5)
+        first = _math(tree, "MINIMUM", first, 1.0)
+        weights = [first, _math(tree, "SUBTRACT", 1.0, first)]
+    found = []
+    for view, weight in zip(views, weights, strict=True):
+        is_right = _math(tree, "GREATER_THAN", view, -0.5)
+        is_left = _math(tree, "LESS_THAN", view, n - 0.5)
+        weight = _math(tree, "MULTIPLY", _math(tree, "MULTIPLY", is_right, is_left), weight)
+        found.append((view, weight))
+    return found
+
+
+def _math(tree: Any, operation: str, *values: Any) -> Any:
+    """The socket of an operation on sockets or numbers."""
+    node = tree.nodes.new("ShaderNodeMath")
+    node.operation = operation
+    for socket, value in zip(node.inputs, values, strict=False):
+        if isinstance(value, float | int):
+            socket.default_value = value
+        else:
+            tree.links.new(value, socket)
+    return node.outputs[0]
 
 
 def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:

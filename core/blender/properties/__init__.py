@@ -13,7 +13,7 @@ from ..data.rigs import active_settings
 from ..data.translation_context import in_own_words
 from . import view
 from .calibration_settings import KirikoCalibration
-from .light import KirikoDisplay, KirikoPicture
+from .light import KirikoDisplay, KirikoPicture, KirikoViews
 from .object_settings import (
     KirikoElement,
     KirikoMaterial,
@@ -32,6 +32,7 @@ classes = (
     KirikoPlate,
     KirikoPicture,
     KirikoDisplay,
+    KirikoViews,
     KirikoSlot,
     KirikoObject,
     KirikoMaterial,
@@ -49,6 +50,7 @@ OVERRIDABLE = (
     KirikoPlate,
     KirikoPicture,
     KirikoDisplay,
+    KirikoViews,
     KirikoSlot,
     KirikoObject,
     KirikoViewer,

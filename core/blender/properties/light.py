@@ -1,7 +1,7 @@
-"""Tone settings of pictures, and light settings of displays."""
+"""Tone settings of pictures, and settings of the light of displays."""
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty
 
 ENCODINGS = (
     ("SRGB", "sRGB", "The curve of most displays and image files"),
@@ -109,3 +109,65 @@ class KirikoDisplay(bpy.types.PropertyGroup):
         precision=0,
         step=1000,
     )
+
+
+class KirikoViews(bpy.types.PropertyGroup):
+    """Views of a display, as `core.rig.views.Views`; `use` for a display that has them."""
+
+    use: BoolProperty(
+        name="Views",
+        description="Show another image in each direction, as a light-field display does, so that"
+        " several viewers each see their own picture",
+        default=False,
+    )
+    columns: IntProperty(
+        name="Columns",
+        description="Number of views from left to right",
+        default=45,
+        min=1,
+        soft_max=128,
+        max=1024,
+    )
+    rows: IntProperty(
+        name="Rows",
+        description="Number of views from top to bottom; 1 for a display whose image only changes"
+        " sideways",
+        default=1,
+        min=1,
+        soft_max=32,
+        max=1024,
+    )
+    cone: FloatVectorProperty(
+        name="Cone",
+        description="Horizontal and vertical angle between the outermost views",
+        size=2,
+        default=(0.6981317, 0.6981317),
+        min=0.0,
+        max=3.1241393,
+        subtype="NONE",
+        unit="ROTATION",
+    )
+    overlap: FloatProperty(
+        name="Overlap",
+        description="Part of the distance between two views over which one fades into the next;"
+        " more hides the borders between views, but mixes the viewers' pictures",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        precision=3,
+        subtype="FACTOR",
+    )
+    distance: FloatProperty(
+        name="Distance",
+        description="Distance from the display at which the eye sees one view over all of it,"
+        " always in millimetres; 0 for views that are the same angle everywhere",
+        default=0.0,
+        min=0.0,
+        soft_max=5000.0,
+        precision=1,
+        step=1000,
+        unit="CAMERA",
+    )
+
+
+VIEWS = tuple(KirikoViews.__annotations__)  # names of its properties

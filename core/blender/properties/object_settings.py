@@ -17,7 +17,7 @@ from ...rig.catalogue import PLATES
 from ...rig.parts import MOST_SPREAD
 from ...rig.rig import MOST_CROSSING_ERROR, ROLES
 from ..read.plane import show
-from .light import KirikoDisplay, KirikoPicture
+from .light import KirikoDisplay, KirikoPicture, KirikoViews
 
 # None, then the roles by their numbers, which Blender's files store
 ROLE_ITEMS = (
@@ -365,6 +365,7 @@ class KirikoObject(bpy.types.PropertyGroup):
     element: PointerProperty(type=KirikoElement)
     picture: PointerProperty(type=KirikoPicture)
     display: PointerProperty(type=KirikoDisplay)
+    views: PointerProperty(type=KirikoViews)
     surface: EnumProperty(
         name="Surface",
         description="Shape of smooth-shaded faces that the light meets",

@@ -1,11 +1,16 @@
 """Blender's side of the display."""
 
+from math import inf
+
 import bpy
+import numpy as np
 
 from ...base.messages import Message
 from ...rig.dispersion import P3_PRIMARIES, SRGB_PRIMARIES, Primaries
 from ...rig.joined_display import sections_of, size_of
 from ...rig.rig import Display, Rig
+from ...rig.views import Views
+from ..data.rectangle import flat_size
 from ..materials import shaders
 from .part_roles import FoundPart, InBlender, Studio
 from .scene_parts import WorldPart
@@ -22,7 +27,8 @@ def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
     ours = part.owner.kiriko
     polarised = ours.element.angle if ours.element.is_polarised else None
     light = ours.display.black_level, polarised, primaries_of(ours.display)
-    return FoundPart(Display(part.name, part.mesh, *ours.resolution, *light), [], [])
+    display = Display(part.name, part.mesh, *ours.resolution, *light, views_of(ours.views))
+    return FoundPart(display, [], [])
 
 
 def primaries_of(ours: bpy.types.PropertyGroup) -> Primaries:
@@ -31,14 +37,52 @@ def primaries_of(ours: bpy.types.PropertyGroup) -> Primaries:
     return {"SRGB": SRGB_PRIMARIES, "P3": P3_PRIMARIES}.get(ours.primaries, own)
 
 
+def views_of(ours: bpy.types.PropertyGroup) -> Views | None:
+    """The views of a display's settings; None if they are off."""
+    if not ours.use:
+        return None
+    distance = 1e-3 * ours.distance or inf
+    return Views(ours.columns, ours.rows, tuple(ours.cone), ours.overlap, distance)
+
+
+def give_views(ours: bpy.types.PropertyGroup, views: Views | None) -> None:
+    """Set a display's views; the inverse of `views_of`."""
+    ours.use = views is not None
+    if views is not None:
+        for name in ("columns", "rows", "cone", "overlap"):
+            setattr(ours, name, getattr(views, name))
+        ours.distance = 0.0 if views.distance == inf else 1e3 * views.distance
+
+
 def looks(rig: Rig) -> tuple[dict[str, shaders.ImageLook], list[str]]:
     """The looks of all displays and screens."""
     sections = sections_of(rig.outputs)
     size = size_of(sections) if sections else (1, 1)
     return {
-        part.name: shaders.ImageLook(part.black_level, *section.window(size))
+        part.name: look_of(part, section.window(size))
         for part, section in zip(rig.lit, sections, strict=False)
     }, [NO_POLARISATION] if rig.is_polarised else []
+
+
+def look_of(
+    display: Display, window: tuple[float, float, float], is_two_sided: bool = False
+) -> shaders.ImageLook:
+    """How a display shows its window of an image, or its views."""
+    look = shaders.ImageLook(display.black_level, *window, is_two_sided)
+    views, size = display.views, flat_size(display.mesh)
+    if views is None or views.n == 1 or size is None:
+        return look
+    per_view = 1 / views.spacing
+    across, down = views.tiling(display.size)
+    return look._replace(
+        columns=views.columns,
+        rows=views.rows,
+        overlap=views.overlap,
+        across=across,
+        down=down,
+        slopes=tuple(per_view.tolist()),
+        places=tuple((np.array(size) / views.distance * per_view).tolist()),
+    )
 
 
 def shade(material: bpy.types.Material, look: shaders.ImageLook, studio: Studio) -> None:

@@ -10,6 +10,7 @@ from ..data.image import PACKED_MARK
 from ..data.rigs import keep
 from ..materials import shaders
 from ..materials.shaders import ImageLook
+from ..read.role_display import look_of
 from ..read.scene import Reading
 
 MATERIAL_MARK = "kiriko_display"  # on materials made by Kiriko, which it may change
@@ -18,20 +19,20 @@ LOOK = "kiriko_look"  # on such a material: how its display shows the image
 
 def displays_of(reading: Reading) -> Iterator[tuple[bpy.types.Object, ImageLook]]:
     """The objects of all displays and screens, with their looks."""
-    sections = sections_of(reading.rig.outputs)
-    for key, section in zip(reading.display_objects, sections, strict=False):
+    rig = reading.rig
+    sections = sections_of(rig.outputs)
+    for key, section, part in zip(reading.display_objects, sections, rig.lit, strict=False):
         thing = bpy.data.objects.get(key)
         if thing is not None:
-            yield thing, look_of(thing, section.window(size_of(sections)))
+            is_screen = thing.kiriko.role == "SCREEN"
+            yield thing, look_of(part, section.window(size_of(sections)), is_screen)
 
 
-def look_of(
-    display: bpy.types.Object, window: tuple[float, float, float] = (1.0, 1.0, 0.0)
-) -> ImageLook:
-    """How a display or a screen shows a window of an image."""
+def plain_look(display: bpy.types.Object) -> ImageLook:
+    """How a display or a screen shows all of an image."""
     ours = display.kiriko
     is_screen = ours.role == "SCREEN"
-    return ImageLook(0.0 if is_screen else ours.display.black_level, *window, is_screen)
+    return ImageLook(0.0 if is_screen else ours.display.black_level, is_two_sided=is_screen)
 
 
 def window_of(display: bpy.types.Object) -> tuple[float, float, float]:
@@ -49,12 +50,12 @@ def is_on_display(
     display: bpy.types.Object, image: bpy.types.Image, look: ImageLook | None = None
 ) -> bool:
     """Whether Kiriko's materials on all slots show an image with a look."""
-    look = look or look_of(display)
+    look = look or plain_look(display)
     materials = [slot.material for slot in display.material_slots]
     return bool(materials) and all(
         m is not None
         and m.get(MATERIAL_MARK)
-        and tuple(m.get(LOOK, ())) == look
+        and list(m.get(LOOK, ())) == look.numbers
         and any(node.type == "TEX_IMAGE" and node.image == image for node in m.node_tree.nodes)
         for m in materials
     )
@@ -119,8 +120,8 @@ def put_on_display(
 
     try:
         ours[MATERIAL_MARK] = True
-        look = look or look_of(display)
-        ours[LOOK] = list(map(float, look))
+        look = look or plain_look(display)
+        ours[LOOK] = look.numbers
         shaders.show_image(ours, image, look)
     except BaseException:
         bpy.data.materials.remove(ours)

@@ -1,7 +1,7 @@
 """Writes a solution to Blender: image, display material and figures, all or nothing."""
 
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -33,6 +33,20 @@ from .result_numbers import numbers_of
 
 SOURCE = "Kiriko Source"
 SECTIONS = "kiriko_sections"  # on an image: which parts of it become files
+QUILT = "kiriko_quilt"  # on an image of views: the numbers of `Quilt`
+
+
+class Quilt(NamedTuple):
+    """Columns and rows of an image's tiles, and rows of views."""
+
+    across: int
+    down: int
+    rows: int
+
+    @property
+    def tiling(self) -> tuple[int, int]:
+        """Columns and rows of the tiles."""
+        return self.across, self.down
 
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
@@ -87,8 +101,27 @@ def sections_in(image: bpy.types.Image) -> list[Section]:
     return [Section(*one) for one in found] or [Section("", 0, *image.size)]
 
 
+def quilt_in(image: bpy.types.Image) -> Quilt | None:
+    """The tiles of a result's image; None if its display has no views."""
+    found = image.get(QUILT)
+    return None if found is None else Quilt(*found)
+
+
+def quilt_of(rig: Rig) -> Quilt | None:
+    """The tiles of a rig's source image; None if its display has no views."""
+    views = rig.display.views
+    return None if views is None else Quilt(*views.tiling(rig.display.size), views.rows)
+
+
 def _note_sections(image: bpy.types.Image, rig: Rig) -> None:
-    """Record the sections of several displays, screens and projectors in their image."""
+    """Record the sections of several displays, screens and projectors in their image, or the tiles
+    of views.
+    """
+    quilt = quilt_of(rig)
+    if quilt is not None:
+        image[QUILT] = quilt
+    elif QUILT in image:
+        del image[QUILT]
     if len(rig.outputs) > 1:
         image[SECTIONS] = text_of({"sections": rig.files})
     elif SECTIONS in image:

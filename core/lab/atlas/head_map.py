@@ -28,7 +28,7 @@ from ...solve.channel import Channel
 from ...solve.first_picture import check_light
 from ...solve.session import Session
 from ..warp.stmap import of_places
-from ..warp.view_from_display import middles, view_from_display
+from ..warp.view_from_display import middles, refuse_views, view_from_display
 from .heads import AXES, HeadBox, HeadGrid, Offset, check_viewer, viewer_at
 
 Singles = NDArray[np.float32]
@@ -214,6 +214,7 @@ class Refined:
 def check(rig: Rig, viewer: Viewer, box: HeadBox, tolerance: float, most: int) -> None:
     """Raise RigError or MeshError if the input rules out an atlas; no light is traced."""
     rig.check()
+    refuse_views(rig)
     check_viewer(viewer, rig.picture_place)
     if not tolerance > 0:
         raise out_of_range(OWNER, "Tolerance", f"{tolerance:g} px", 0)

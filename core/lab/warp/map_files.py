@@ -31,7 +31,7 @@ from .stmap import (
     write_data,
     write_obj,
 )
-from .view_from_display import paths_shown, view_from_display
+from .view_from_display import paths_shown, refuse_views, view_from_display
 
 # the files of each format
 FORMATS = {
@@ -113,7 +113,10 @@ def memory_needed(display_size: tuple[int, int], options: MapOptions) -> float:
 
 
 def check_memory(rig: Rig, options: MapOptions) -> None:
-    """Raise RigError if the maps of a viewer need more memory than is free."""
+    """Raise RigError if the maps of a viewer need more memory than is free, or the display has
+    views.
+    """
+    refuse_views(rig)
     display = rig.display
     remedy = Message(
         "lower the resolution of the display '{display}' ({width} x {height})",

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Ints, take
+from ...base.errors import RigError
 from ...base.steps import Steps, hold_progress
 from ...base.vectors import cross_2d
 from ...image.ghosts import NO_PATH, paths_of, strongest_paths
@@ -28,6 +29,7 @@ from ...map.points import Tracer, is_in_image, trace_points, tracer
 from ...map.rasterise import ragged
 from ...map.shares import ShareBatches
 from ...map.view_map import ViewMap
+from ...rig.rig import Rig
 from ...solve.channel import shares_of
 
 
@@ -74,6 +76,16 @@ class Grid:
             )
         )
         return (y[:, None] * width + x).ravel()
+
+
+def refuse_views(rig: Rig) -> None:
+    """Raise RigError if the display has views: a map has one place for each of its pixels."""
+    if rig.display.views is not None:
+        raise RigError(
+            "A map has one place for each pixel, but '{display}' shows another image in each"
+            " direction: export the quilt, or turn its Views off.",
+            display=rig.display.name,
+        )
 
 
 def middles(display_size: tuple[int, int], times: int = 1) -> Grid:
