@@ -48,6 +48,8 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
             o.ior,
             o.dispersion,
             o.abbe,
+            o.use_tint,
+            tuple(o.tint),
             o.priority,
             o.surface,
             *(frame_of(thing, scene.render) if thing.type == "CAMERA" else o.resolution),

@@ -491,7 +491,10 @@ class Live:
 
 def _glass_of(reading: Reading) -> tuple[object, ...]:
     """Identity of everything that affects how Cycles shows the glass; meshes by identity."""
-    glasses = [(id(one.mesh), one.name, one.ior, one.priority) for one in reading.rig.glasses]
+    glasses = [
+        (id(one.mesh), one.name, one.ior, one.priority, one.absorption)
+        for one in reading.rig.glasses
+    ]
     return (*glasses, reading.materials)
 
 

@@ -188,6 +188,10 @@ def _draw_glass(
     layout.prop(ours, "dispersion")
     if ours.dispersion == "ABBE":
         layout.prop(ours, "abbe")
+    row = layout.row(heading="Override Tint")
+    row.prop(ours, "use_tint", text="")
+    if ours.use_tint:
+        row.prop(ours, "tint", text="")
     layout.prop(ours, "priority")
 
     if has_own_faces(context.scene, thing) and is_flat(sides_of(context.scene, thing)):

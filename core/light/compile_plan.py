@@ -150,7 +150,8 @@ def compile_plan_steps(
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max(initial=0.0))
     touch = find_touching(parts.solids, parts.surfaces, parts.is_closed, touching)
     yield 0
-    media = make_media(parts.solids, touch, settings.wavelength)
+    colours = settings.colours if settings.brightness else None
+    media = make_media(parts.solids, touch, settings.wavelength, colours)
     layers = yield from _make_layers(parts, media, touch, mesh_cache)
     thin_parts = _thin_parts_getter(parts, deferred_boxes, mesh_cache)
     key = f"plane of {parts.sheets[-1].key}, {rig.display.width} x {rig.display.height}"
@@ -320,6 +321,7 @@ def _features(
         Message("mirror array"): any(isinstance(one, ArrayFrame) for one in parts.elements),
         Message("light beyond the plate"): not is_clear[is_plate].any(axis=1).all(),
         Message("Fresnel"): settings.brightness,
+        Message("absorption"): media.absorptions is not None,
         Message("polarisation"): is_polarised,
         Message("views of the display"): parts.sheets[-1].part.views is not None,
     }

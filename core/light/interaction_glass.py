@@ -27,6 +27,7 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     bends = n1 != n2
     if not bends.all():
         rays.mask[i[~bends]] = after[~bends]
+        _enter(plan, rays, i[~bends], part[~bends], after[~bends])
         i, n1, n2, before, after, patch, part = (
             x[bends] for x in (i, n1, n2, before, after, patch, part)
         )
@@ -72,9 +73,16 @@ def interact(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) 
     # a reflected ray may hit a coincident thin surface again, but not glass faces behind it
     rays.last_part[i[is_tir]] = part[is_tir]
     rays.mask[i] = np.where(is_tir, before, after)
+    _enter(plan, rays, i, part, rays.mask[i])
 
     event = np.where(is_own, np.where(is_tir, FACE_TIR, FACE_PASS), np.where(is_tir, TIR, PASS))
     rays.add_to_branch(i, patch, event)
+
+
+def _enter(plan: Plan, rays: Rays, i: Ints, part: Ints, mask: NDArray[np.uint64]) -> None:
+    """Continue rays (n,) in the media of masks (n,), which absorb light."""
+    if plan.media.absorptions is not None:
+        rays.absorption[i] = plan.media.absorption(part, mask)
 
 
 def _polarise(

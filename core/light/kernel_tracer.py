@@ -241,6 +241,7 @@ def _point_to_tables(made: Made, plan: Plan) -> None:
             made.point(name, getattr(table, name), dtype)
 
     made.point("indices", plan.media.indices, float)
+    made.point("absorptions", plan.media.absorptions, float)
     made.point("open_part", np.array([part.number for part in plan.open_parts]), np.int64)
     open_boxes = np.array([part.box for part in plan.open_parts]).reshape(-1, 2, 3)
     made.point("open_box", open_boxes, float)
@@ -339,7 +340,7 @@ PLACE, WORD = 32, 8  # bytes of an event of a ray, in its path and in its course
 
 LIGHTS = "imaged", "folded", "reflected"
 STATE = {  # arrays of rays.py's Rays, which the kernel reads and writes in place
-    **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
+    **dict.fromkeys(("positions", "directions", "xy", "throughput", "absorption"), np.float64),
     **dict.fromkeys(("mask", "branch"), np.uint64),
     **dict.fromkeys(
         ("cluster", "n_events", "rank", "n_splits", "last_part", "leak", "n_words"), np.int64

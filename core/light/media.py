@@ -55,6 +55,7 @@ class Media:
     indices : (s, N_BITS + 1) index of air, then for each bit the index of the touching solid with
         this bit
     n_overlapping : clusters of more than one solid
+    absorptions : (s, N_BITS + 1) 1/m, like `indices`; None if nothing absorbs
 
     A ray is in solids of one cluster at a time, so clusters reuse bits.
     """
@@ -63,17 +64,25 @@ class Media:
     bit: np.ndarray
     indices: Floats
     n_overlapping: int
+    absorptions: Floats | None = None
 
     def index(self, solid: Ints, mask: np.ndarray) -> Floats:
         """Index of refraction (n,) at rays with masks (n,), at the surface of solids (n,)."""
         # frexp's exponent is 1 + the position of the highest bit set, and 0 for none
         return self.indices[solid, np.frexp(mask.astype(float))[1]]
 
+    def absorption(self, solid: Ints, mask: np.ndarray) -> Floats:
+        """Absorption (n,), 1/m, around rays with masks (n,), at the surface of solids (n,)."""
+        return self.absorptions[solid, np.frexp(mask.astype(float))[1]]
 
-def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Media:
-    """Assign each solid its bit, and the indices around it.
+
+def make_media(
+    solids: Sequence[Solid], touch: Bools, wavelength: float, colours: Sequence[float] | None = None
+) -> Media:
+    """Assign each solid its bit, and the media around it.
 
     touch : (p, p) which parts touch, solids first, diagonal included
+    colours : weights of red, green and blue in the absorbed light; None if absorption is ignored
 
     Raises
     ------
@@ -82,10 +91,14 @@ def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Medi
     """
     touch = touch[: len(solids), : len(solids)]
     index = np.array([float(solid.glass.ior.at(wavelength)) for solid in solids])
+    absorption = np.zeros(len(solids))
+    if colours is not None:
+        of_colours = np.array([solid.glass.absorption for solid in solids]).reshape(-1, 3)
+        absorption = of_colours @ np.array(colours) / sum(colours)
     rank = [(solid.glass.priority, -abs(solid.surface.volume)) for solid in solids]
     place = np.full(len(solids), -1)  # of each solid's bit
     for i in sorted(range(len(solids)), key=rank.__getitem__):
-        is_other = index != index[i]
+        is_other = (index != index[i]) | (absorption != absorption[i])
         # solids around a solid touched by this one need different bits
         around = touch[touch[i]].any(axis=0)
         taken = set(place[touch[i] | around & is_other])
@@ -104,7 +117,11 @@ def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Medi
     indices[by, 1 + place[of]] = index[of]
     cluster = np.unique(components(len(solids), by, of), return_inverse=True)[1].ravel()
     bit = np.uint64(1) << place.astype(np.uint64)
-    return Media(cluster, bit, indices, int((np.bincount(cluster) > 1).sum()))
+    absorptions = None
+    if absorption.any():
+        absorptions = np.zeros_like(indices)
+        absorptions[by, 1 + place[of]] = absorption[of]
+    return Media(cluster, bit, indices, int((np.bincount(cluster) > 1).sum()), absorptions)
 
 
 # bound, with a margin, on how far a curved surface leaves its facets' box, relative to the box

@@ -234,6 +234,7 @@ class Rays:
         self.branch = np.zeros(n, np.uint64)
         self.xy = np.full((n, 2), np.nan)
         self.throughput = np.ones(n)
+        self.absorption = np.zeros(n)  # 1/m, of the medium around the ray
         self.n_events = np.zeros(n, np.int64)
         self.rank = np.zeros(n, np.int64)
         self.n_splits = np.zeros(n, np.int64)

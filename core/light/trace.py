@@ -293,6 +293,8 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
             hits = hits.at(hit)
             by_layer = [other.at(hit) for other in by_layer]
 
+        if plan.media.absorptions is not None:
+            rays.throughput[rays.live] *= np.exp(-rays.absorption[rays.live] * hits.distance)
         rays.positions[rays.live] += hits.distance[:, None] * take(rays.directions, rays.live)
         rays.n_events[rays.live] += 1
         _leave_gaps(plan, rays, rays.live, hits)
@@ -358,6 +360,7 @@ def _leave_gaps(plan: Plan, rays: Rays, i: Ints, hits: Hits | None = None) -> No
 
         gone = i[is_in]
         rays.mask[gone] &= ~parts.bit[number]
+        rays.absorption[gone] = 0.0
         rays.leak[gone] = number
 
 

@@ -20,7 +20,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 15 /* raised when a structure's meaning changes, even at the same size */
+#define VERSION 16 /* raised when a structure's meaning changes, even at the same size */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define N_BITS 52           /* of a ray's mask, as in media.py */
@@ -136,6 +136,7 @@ typedef struct {
     const void **elements;             /* (p,) data of its interaction: an Array for a plate of mirrors, a Split for a half
                                           mirror and for glass that reflects, four doubles for a lens; else NULL */
     double *indices;                   /* (solids, N_BITS + 1) */
+    double *absorptions;               /* the same, 1/m; NULL if nothing absorbs */
     int64_t n_triangles, n_open, n_deferred, n_layers;
     int64_t *open_part;                /* (n_open,) */
     double *open_box, *deferred_box;      /* (n, 2, 3) */
@@ -157,6 +158,7 @@ typedef struct {
     uint8_t *reason;
     uint64_t *branch;
     double *xy, *throughput;           /* (n, 2), (n,) */
+    double *absorption;                /* (n,) 1/m, of the medium around the ray */
     int64_t *n_events, *rank, *n_splits;
     uint8_t *has_met_glass, *has_met_plate, *plate_path;
     int64_t *last_part, *leak;

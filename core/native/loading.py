@@ -14,7 +14,7 @@ MODULE = "kiriko_kernel"
 # environment variable: "off" for numpy, or the path of another library
 SWITCH = "KIRIKO_KERNEL"
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS accepts any
-VERSION = 15  # of the structures' meaning, as in kiriko.h
+VERSION = 16  # of the structures' meaning, as in kiriko.h
 MOST_LAYERS = 256
 # types of results and arguments
 FUNCTIONS = {

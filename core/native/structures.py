@@ -42,7 +42,7 @@ LensStructure = _structure("LensStructure", centre=_D * 3, focal_length=_D)
 PlanStructure = _structure(
     "PlanStructure",
     normals=_P, corner_normals=_P, is_bent=_P, patch=_P, part=_P, kind=_P, cluster=_P, sheet=_P,
-    is_closed=_P, is_clear=_P, bit=_P, elements=_P, indices=_P,
+    is_closed=_P, is_clear=_P, bit=_P, elements=_P, indices=_P, absorptions=_P,
     n_triangles=_I, n_open=_I, n_deferred=_I, n_layers=_I, open_part=_P, open_box=_P,
     deferred_box=_P, layers=_P, order=_P, merge_distance=_D, max_events=_I, has_glass=_I,
     only_through_glass=_I, needs_plate=_I, looks_beside=_I, brightness=_I, has_plane=_I,
@@ -53,10 +53,10 @@ PlanStructure = _structure(
 RayStateStructure = _structure(
     "RayStateStructure",
     positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P, throughput=_P,
-    n_events=_P, rank=_P, n_splits=_P, has_met_glass=_P, has_met_plate=_P, plate_path=_P,
-    last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I, light=_I, n_words=_P, is_astray=_P,
-    has_ended=_P, is_begun=_P, n_asked=_I, n_copies=_I, n_rays=_I, n_steps=_I, places=_P, met=_P,
-    left_at=_P, is_reached=_P, is_unready=_P,
+    absorption=_P, n_events=_P, rank=_P, n_splits=_P, has_met_glass=_P, has_met_plate=_P,
+    plate_path=_P, last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I, light=_I,
+    n_words=_P, is_astray=_P, has_ended=_P, is_begun=_P, n_asked=_I, n_copies=_I, n_rays=_I,
+    n_steps=_I, places=_P, met=_P, left_at=_P, is_reached=_P, is_unready=_P,
 )  # fmt: skip
 DivisionStructure = _structure(
     "DivisionStructure",

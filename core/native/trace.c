@@ -43,7 +43,7 @@ static int64_t split(Ray *ray) {
     copy(rays->positions + 3 * i, rays->positions + 3 * to);
     copy(rays->directions + 3 * i, rays->directions + 3 * to);
 #define TAKE(column) rays->column[to] = rays->column[i]
-    TAKE(mask), TAKE(cluster), TAKE(branch), TAKE(throughput), TAKE(n_events), TAKE(rank), TAKE(n_splits), TAKE(n_words);
+    TAKE(mask), TAKE(cluster), TAKE(branch), TAKE(throughput), TAKE(absorption), TAKE(n_events), TAKE(rank), TAKE(n_splits), TAKE(n_words);
     TAKE(has_met_glass), TAKE(has_met_plate), TAKE(plate_path), TAKE(last_part), TAKE(leak), TAKE(is_astray);
 #undef TAKE
     for (int64_t k = 0; rays->is_recorded && k < rays->width; k++)
@@ -91,6 +91,7 @@ static void leave_gaps(Ray *ray, const Hit *hit) {
             if (!is_beyond || part == number) continue;
         }
         rays->mask[i] &= ~plan->bit[number];
+        rays->absorption[i] = 0;
         rays->leak[i] = number;
     }
 }
@@ -312,8 +313,15 @@ static bool reflect_before(const double *d, const double *geometric, const doubl
     return true;
 }
 
-static double index_of(const Plan *plan, int64_t part, uint64_t mask) {
-    return plan->indices[(N_BITS + 1) * part + (mask ? 64 - __builtin_clzll(mask) : 0)];
+/* Row of the tables of media for a mask at the surface of a solid. */
+static int64_t medium_of(int64_t part, uint64_t mask) {
+    return (N_BITS + 1) * part + (mask ? 64 - __builtin_clzll(mask) : 0);
+}
+
+/* Continue a ray in the medium of a mask, at the surface of a solid. */
+static void enter(Ray *ray, int64_t part, uint64_t mask) {
+    ray->rays->mask[ray->i] = mask;
+    if (ray->plan->absorptions) ray->rays->absorption[ray->i] = ray->plan->absorptions[medium_of(part, mask)];
 }
 
 static void set_direction(Ray *ray, double *out) {
@@ -338,10 +346,10 @@ static void interact_glass(Ray *ray, const Hit *hit) {
         after ^= plan->bit[other->part];
         if (plan->patch[other->triangle] < patch) patch = plan->patch[other->triangle];
     }
-    double n1 = index_of(plan, part, before), n2 = index_of(plan, part, after);
+    double n1 = plan->indices[medium_of(part, before)], n2 = plan->indices[medium_of(part, after)];
     rays->has_met_glass[i] = true;
     if (n1 == n2) {
-        rays->mask[i] = after;
+        enter(ray, part, after);
         return;
     }
     const double *d = rays->directions + 3 * i;
@@ -370,7 +378,7 @@ static void interact_glass(Ray *ray, const Hit *hit) {
     }
     set_direction(ray, out);
     if (is_tir) rays->last_part[i] = part;
-    rays->mask[i] = is_tir ? before : after;
+    enter(ray, part, is_tir ? before : after);
     if (plan->brightness) rays->throughput[i] *= passed;
     Event event = is_own ? (is_tir ? FACE_TIR : FACE_PASS) : (is_tir ? TIR : PASS);
     add_to_branch(ray, patch, event);
@@ -485,6 +493,7 @@ static void follow_one(Ray *ray) {
         }
         double *at = rays->positions + 3 * i, *d = rays->directions + 3 * i;
         for (int j = 0; j < 3; j++) at[j] += hit.distance * d[j];
+        if (plan->absorptions) rays->throughput[i] *= exp(-rays->absorption[i] * hit.distance);
         rays->n_events[i]++;
         leave_gaps(ray, &hit);
         if (is_noted && event < rays->n_steps) {
@@ -559,6 +568,7 @@ static void begin(const Halving *halving, Rays *rays, int64_t i, double x, doubl
     rays->reason[i] = CUT_OFF;
     rays->xy[2 * i] = rays->xy[2 * i + 1] = NAN;
     rays->throughput[i] = 1;
+    rays->absorption[i] = 0;
     rays->has_met_glass[i] = rays->has_met_plate[i] = rays->is_astray[i] = rays->has_ended[i] = false;
     rays->plate_path[i] = NONE;
     rays->last_part[i] = rays->leak[i] = -1;

@@ -25,6 +25,7 @@ from .views import Size, Views
 MOST_BLACK_LEVEL = 0.99  # of the interface
 
 
+CLEAR = 0.0, 0.0, 0.0
 MOST_SPREAD = np.radians(10.0)  # of the interface
 SHARE_ROUNDING = 1e-6  # Blender stores float32
 
@@ -51,6 +52,8 @@ class Glass(Part):
 
     reflects : its faces split light by Fresnel's equations, so a reflection may carry the picture
     prefers : path of the picture if light arrives by both
+    absorption : 1/m, of red, green and blue light, by Beer and Lambert's law; it counts with
+        Brightness
     """
 
     name: str
@@ -59,6 +62,7 @@ class Glass(Part):
     priority: int = 0
     reflects: bool = False
     prefers: Preference = "brighter"
+    absorption: tuple[float, float, float] = CLEAR
 
     @property
     def splits(self) -> bool:
@@ -75,6 +79,13 @@ class Glass(Part):
             )
 
         self.ior.check(owner)
+        for value in self.absorption:
+            if not (np.isfinite(value) and value >= 0):
+                raise RigError(
+                    "{owner} has Absorption {value:g} per m: set it to 0 or more.",
+                    owner=owner,
+                    value=value,
+                )
         n = self.ior.at(WAVELENGTH)
         if not (np.isfinite(n) and n > 0):
             raise out_of_range(owner, "IOR", n, 0)

@@ -265,6 +265,11 @@ class Rig:
         primaries = self.display.primaries
         return any(len({glass.ior.at(one) for one in primaries}) > 1 for glass in self.glasses)
 
+    @property
+    def is_tinted(self) -> bool:
+        """Whether a glass absorbs colours differently."""
+        return any(len(set(glass.absorption)) > 1 for glass in self.glasses)
+
     def in_one_colour(self, wavelength: float) -> "Rig":
         """The rig with light of one wavelength, m, on all displays and screens."""
         lit = {

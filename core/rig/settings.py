@@ -14,6 +14,7 @@ Disagreement = Literal["sharp", "blended"]
 LEAST_TOLERANCE = 1e-6
 MOST_TOLERANCE = 100.0
 MOST_EFFORT = 4096  # rays for a viewer pixel
+WHITE = 1.0, 1.0, 1.0
 OWNER = Message("The rig")  # of the settings, at the start of a sentence
 
 
@@ -41,6 +42,7 @@ class Settings:
     disagreement : for a display pixel where several viewers need different places of the picture,
         the picture at the weighted mean place ("sharp"), or the weighted mean colour ("blended");
         ignored for one viewer
+    colours : weights of red, green and blue in the traced light, for glass that absorbs them
     """
 
     tolerance: float = 0.1
@@ -54,6 +56,7 @@ class Settings:
     ghosts: Ghosts = "mean"
     only_through_plate: bool = True
     disagreement: Disagreement = "sharp"
+    colours: tuple[float, float, float] = WHITE
 
     @property
     def looks_past_glass(self) -> bool:

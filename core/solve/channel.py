@@ -29,7 +29,7 @@ from ..map.sampling import Sampling, sample
 from ..map.shares import Coverage, ShareBatches, Shares, add_at
 from ..map.view_map import MapError, ViewMap
 from ..rig.rig import Rig
-from ..rig.settings import Settings
+from ..rig.settings import WHITE, Settings
 from ..rig.viewer import Viewer
 from .accuracy import Accuracy, measure
 from .memory import check_memory
@@ -78,7 +78,6 @@ def measuring(
     return Measured(picture, accuracy, plate, stray)
 
 
-WHITE = 1.0, 1.0, 1.0
 COLOURS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
@@ -92,8 +91,8 @@ class ChannelKey(NamedTuple):
     colours: tuple[float, float, float]
 
     def of(self, settings: Settings) -> Settings:
-        """Settings with the channel's wavelength."""
-        return replace(settings, wavelength=self.wavelength)
+        """Settings with the channel's light."""
+        return replace(settings, wavelength=self.wavelength, colours=self.colours)
 
     def weighed(self, values: Floats, colour: int) -> Floats:
         """Values times the channel's weight in a colour; the array itself at a weight of 1."""
@@ -106,11 +105,12 @@ ChannelMaps = Sequence[tuple[ChannelKey, ViewMap]]
 
 def channel_keys(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:
     """Channels of a rig: for each viewer one that represents all colours, or one for each of red,
-    green and blue if the glass disperses their light.
+    green and blue if the glass disperses their light, or absorbs them differently.
     """
     of_viewer = ((settings.wavelength, WHITE),)
-    if rig.disperses:
-        of_viewer = tuple(zip(rig.display.primaries, COLOURS, strict=True))
+    if rig.disperses or (settings.brightness and rig.is_tinted):
+        waves = rig.display.primaries if rig.disperses else (settings.wavelength,) * 3
+        of_viewer = tuple(zip(waves, COLOURS, strict=True))
     return tuple(ChannelKey(viewer, *one) for viewer in rig.viewers for one in of_viewer)
 
 

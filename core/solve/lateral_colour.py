@@ -89,11 +89,9 @@ MAP_EACH = Message("a map for each colour")
 
 
 def why_one_map(colour: LateralColour | None) -> tuple[Message, ...]:
-    """Why a solve has one map for all colours; empty if it has a map for each."""
+    """Why a solve has one map for all colours."""
     reason = Message("no dispersion")
     if colour is not None:
-        if not colour.is_one_map:
-            return ()
         reason = Message("one serves all: at most {px} px apart", px=number(colour.apart))
     return (Message("{name} ({reason})", name=MAP_EACH, reason=reason),)
 
@@ -140,9 +138,9 @@ class Colours:
         """
         if apart is None:
             return None
-        n = len(plans) // len(plans[0].rig.viewers)
-        if n == 1:
+        if not plans[0].rig.disperses:
             return LateralColour(apart, is_one_map=True)
+        n = len(plans) // len(plans[0].rig.viewers)
         if self._lateral is None or self._lateral[0] != keys:
             self._lateral = keys, lateral_colour(plans[:n], maps[:n], apart)
         return self._lateral[1]

@@ -21,9 +21,9 @@ from ..map.pieces import Piece
 from ..map.shares import Coverage, ShareBatches, Shares
 from ..map.view_map import ViewMap
 from ..rig.rig import PicturePlace
-from ..rig.settings import Settings
+from ..rig.settings import WHITE, Settings
 from ..rig.viewer import Viewer
-from .channel import WHITE, ChannelKey, shares_of
+from .channel import ChannelKey, shares_of
 from .picture_coverage import of_the_picture
 
 SHARE_OF_FREE = 0.5  # of the free memory, for filter taps kept for the next picture,

@@ -26,7 +26,7 @@ from ..light.rays import BY_GAPS, REASON_WORDS, Reason
 from ..map.measured_error import checked
 from ..map.view_map import ViewMap
 from ..rig.rig import Rig
-from ..rig.settings import Settings
+from ..rig.settings import WHITE, Settings
 from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST, leaks
 from .channel import (
@@ -551,7 +551,8 @@ def _left_out(
     is_new: bool, channels: Sequence[Placed], colour: LateralColour | None
 ) -> tuple[Message, ...]:
     """Parts of a solve that were not needed, or had no room."""
-    found = why_one_map(colour) + (() if is_new else (UNTRACED,))
+    has_one = channels[0].key.colours == WHITE
+    found = (why_one_map(colour) if has_one else ()) + (() if is_new else (UNTRACED,))
     return (*found, NOT_KEPT) if any(one.lacks_memory for one in channels) else found
 
 

@@ -81,7 +81,8 @@ SECTIONS: tuple[tuple[str | dict[str, str], tuple[str, ...]], ...] = (
     )),
     (OBJECT, (
         "KirikoObject.role", "KirikoObject.use_ior", "KirikoObject.ior",
-        "KirikoObject.dispersion", "KirikoObject.abbe", "KirikoObject.priority",
+        "KirikoObject.dispersion", "KirikoObject.abbe", "KirikoObject.use_tint",
+        "KirikoObject.tint", "KirikoObject.priority",
         "KirikoObject.surface", "KirikoObject.resolution", "KirikoPlate.model",
         "KirikoPlate.pitch", "KirikoPlate.height", "KirikoPlate.ior", "KirikoPlate.reflectance",
         "KirikoPlate.crossing_error", "KirikoPlate.fresnel", "KirikoPlate.phase",

@@ -174,7 +174,7 @@ def test_what_is_not_followed_is_named(read):
     shader.inputs["Base Color"].default_value = (1.0, 0.5, 0.5, 1.0)
     tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Coat Weight"])
     tree.links.new(tree.nodes.new("ShaderNodeBump").outputs[0], shader.inputs["Normal"])
-    tree.links.new(tree.nodes.new("ShaderNodeVolumeAbsorption").outputs[0], output.inputs["Volume"])
+    tree.links.new(tree.nodes.new("ShaderNodeVolumeScatter").outputs[0], output.inputs["Volume"])
     tree.links.new(
         tree.nodes.new("ShaderNodeDisplacement").outputs[0], output.inputs["Displacement"]
     )
@@ -332,3 +332,48 @@ def test_without_dispersion_an_index_is_one_number(read):
     assert read().rig.glasses[0].ior.at(464e-9) == 1.5
     gltf_output(tree, 0.0)
     assert read().rig.glasses[0].ior.at(464e-9) == 1.5
+
+
+def absorbing(tree: Any, output: Any, colour: tuple[float, float, float], density: float) -> None:
+    """Add a Volume Absorption shader."""
+    volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
+    volume.inputs["Color"].default_value = (*colour, 1.0)
+    volume.inputs["Density"].default_value = density
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+
+
+@pytest.mark.every_blender
+@pytest.mark.parametrize("metres", [1.0, 0.01])
+def test_absorption_of_a_volume(read, scene, metres):
+    """Cycles' law: density * (1 - colour) per Blender unit; the object's tint goes first, as the
+    colour after 1 cm.
+    """
+    scene.unit_settings.scale_length = metres
+    material, tree, output = new_material()
+    tree.links.new(glass_shader(tree, ior=1.5).outputs[0], output.inputs["Surface"])
+    absorbing(tree, output, (1.0, 0.75, 0.5), 4.0)
+    stone = add_glass(material)
+    reading = read()
+    expected = np.array([0.0, 1.0, 2.0]) / metres
+    np.testing.assert_allclose(reading.rig.glasses[0].absorption, expected, rtol=1e-6)
+    assert not reading.materials[0].ignored
+
+    stone.kiriko.use_tint, stone.kiriko.tint = True, (1.0, 0.5, 0.25)
+    found = np.array(read().rig.glasses[0].absorption)
+    np.testing.assert_allclose(np.exp(-0.01 * found), (1.0, 0.5, 0.25), rtol=1e-6)
+
+
+def test_a_volume_that_is_not_read_is_reported(read):
+    """Scattering, and a density from a texture."""
+    for kind in ("VolumeScatter", "VolumeAbsorption"):
+        material, tree, output = new_material()
+        tree.links.new(glass_shader(tree, ior=1.5).outputs[0], output.inputs["Surface"])
+        volume = tree.nodes.new(f"ShaderNode{kind}")
+        noise = tree.nodes.new("ShaderNodeTexNoise")
+        tree.links.new(noise.outputs[0], volume.inputs["Density"])
+        tree.links.new(volume.outputs[0], output.inputs["Volume"])
+        stone = add_glass(material)
+        reading = read()
+        assert reading.rig.glasses[0].absorption == (0.0, 0.0, 0.0)
+        assert reading.materials[0].ignored == ("Volume from nodes",)
+        bpy.data.objects.remove(stone)

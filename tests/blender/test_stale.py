@@ -103,6 +103,7 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "modifier": lambda rig: rig["GLASS"].modifiers.new("s", "SUBSURF"),
     "index": refract,
     "Abbe number": lambda rig: setattr(rig["GLASS"].kiriko, "dispersion", "ABBE"),
+    "tint": lambda rig: setattr(rig["GLASS"].kiriko, "use_tint", True),
     "catalogued dispersion": lambda rig: setattr(rig["GLASS"].kiriko, "dispersion", "N-SF11"),
     "primaries": lambda rig: setattr(rig["DISPLAY"].kiriko.display, "primaries", "P3"),
     "priority": lambda rig: setattr(rig["GLASS"].kiriko, "priority", 3),

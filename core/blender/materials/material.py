@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import bpy
 
 from ...base.messages import Message, as_message
+from ...rig.parts import CLEAR
 
 REFRACTIVE = {
     "BSDF_GLASS": "Glass BSDF",
@@ -54,6 +55,7 @@ class Refraction:
     """The index of refraction of a material, its shader, and ignored settings.
 
     abbe : Abbe number; None without dispersion
+    absorption : of red, green and blue, per Blender unit
     """
 
     ior: float
@@ -61,6 +63,7 @@ class Refraction:
     ignored: tuple[str, ...]
     notes: tuple[str, ...]
     abbe: float | None = None
+    absorption: tuple[float, float, float] = CLEAR
 
 
 def material_output(material: bpy.types.Material | None) -> bpy.types.Node | None:
@@ -196,7 +199,9 @@ def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
         is_idle = idle and all(is_at(node, *other, groups) for other in idle.items())
         if name not in node.inputs or is_idle:
             continue
-        end, _ = feeding(node.inputs[name], groups)
+        end, within = feeding(node.inputs[name], groups)
+        if end.is_output and _is_absorption(end.node, within):
+            continue
         if end.is_output and end.node.type not in CONSTANT:
             yield Message("{setting} from nodes", setting=as_message(name))
         elif neutral is None or name in READ or is_at(node, name, neutral, groups):
@@ -247,7 +252,28 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
     sockets = [one.inputs["Dispersion"] for one in of_gltf if "Dispersion" in one.inputs]
     dispersion = max((number(one, ())[0] for one in sockets), default=0.0)
     abbe = DISPERSION_OF_ABBE / dispersion if dispersion > 0 else None
-    return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes, abbe)
+    absorption = _absorption(output.inputs["Volume"])
+    return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes, abbe, absorption)
+
+
+def _absorption(socket: bpy.types.NodeSocket) -> tuple[float, float, float]:
+    """Absorption by a Volume Absorption shader with constant inputs, as in Cycles: density * (1 -
+    colour) per Blender unit; 0 for other shaders.
+    """
+    end, groups = feeding(socket, ())
+    if not (end.is_output and _is_absorption(end.node, groups)):
+        return CLEAR
+    colour, _ = feeding(end.node.inputs["Color"], groups)
+    density = max(number(end.node.inputs["Density"], groups)[0], 0.0)
+    return tuple(density * max(1.0 - part, 0.0) for part in colour.default_value[:3])
+
+
+def _is_absorption(node: bpy.types.Node, groups: Groups) -> bool:
+    """Whether a shader only absorbs light, everywhere alike."""
+    if node.type != "VOLUME_ABSORPTION":
+        return False
+    ends = [feeding(node.inputs[name], groups)[0] for name in ("Color", "Density")]
+    return all(not end.is_output or end.node.type in CONSTANT for end in ends)
 
 
 def bends_light(material: bpy.types.Material | None) -> bool:

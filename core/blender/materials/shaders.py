@@ -346,6 +346,18 @@ def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
     glass.location = (-220, 0)
 
 
+def absorb(material: bpy.types.Material, absorption: Sequence[float]) -> None:
+    """Absorb red, green and blue, per Blender unit: density * (1 - colour) in Cycles."""
+    tree = material.node_tree
+    volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
+    density = max(absorption)
+    volume.inputs["Density"].default_value = density
+    volume.inputs["Color"].default_value = (*(1 - one / density for one in absorption), 1.0)
+    output = tree.get_output_node("ALL")
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    volume.location = (-220, -200)
+
+
 def _unparted(tree: Any, ior: float) -> Any:
     """A shader for total refraction or total reflection."""
     mix = tree.nodes.new("ShaderNodeMixShader")

@@ -351,6 +351,19 @@ class KirikoObject(bpy.types.PropertyGroup):
         precision=1,
         step=100,
     )
+    use_tint: BoolProperty(
+        name="Override Tint",
+        description="Use the colour below instead of the material's Volume Absorption",
+        default=False,
+    )
+    tint: FloatVectorProperty(
+        name="Tint",
+        description="Colour of white light after 1 cm of this glass; it counts with Brightness",
+        subtype="COLOR",
+        default=(1.0, 1.0, 1.0),
+        min=0.0,
+        max=1.0,
+    )
     priority: IntProperty(
         name="Priority",
         description="Order of overlapping glass objects: the higher number counts, then the"

@@ -1,6 +1,7 @@
 """Glass, plates and pictures of a rig, read from their objects and materials."""
 
 from dataclasses import dataclass
+from math import log
 
 import bpy
 
@@ -11,6 +12,7 @@ from ...glass.meshes import geometric_normals
 from ...image.tone import Tone
 from ...rig.catalogue import GLASSES
 from ...rig.dispersion import AbbeIndex, ConstantIndex, Index, ShiftedIndex
+from ...rig.parts import CLEAR
 from ...rig.rig import (
     ROLES,
     Glass,
@@ -32,6 +34,8 @@ from .shapes import ShapeCache
 UPRIGHT = 0.99
 OVERRIDE, DEFAULT = Message("override"), Message("default")  # sources of an index, like shaders
 PICTURE = next(role for role in ROLES if role.name == "PICTURE")
+CENTIMETRE = 0.01
+DARKEST = 1e-6  # fraction of light left after 1 cm: black would absorb without limit
 DEFAULT_IOR = GLASSES["Acrylic"].ior  # for glass without a refractive material
 
 
@@ -43,6 +47,7 @@ class MaterialReading:
     ignored : settings of the material that Kiriko ignores
     own_ior : the material's index, used in renders
     abbe : the material's Abbe number; None without dispersion
+    absorption : of red, green and blue, per Blender unit
     """
 
     object_name: str
@@ -52,6 +57,7 @@ class MaterialReading:
     ignored: tuple[str, ...] = ()
     own_ior: float | None = None
     abbe: float | None = None
+    absorption: tuple[float, float, float] = CLEAR
 
 
 def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]]:
@@ -85,6 +91,7 @@ def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]
         settings.priority,
         settings.element.reflects,
         settings.element.prefers.lower(),
+        _absorption_of(settings, readings[0], part.metres),
     )
     return glass, readings, notes
 
@@ -95,6 +102,15 @@ def _index_of(settings: bpy.types.PropertyGroup, reading: MaterialReading) -> In
         return ShiftedIndex(GLASSES[settings.dispersion].dispersion, reading.ior)
     abbe = {"ABBE": settings.abbe, "MATERIAL": reading.abbe}.get(settings.dispersion)
     return ConstantIndex(reading.ior) if abbe is None else AbbeIndex(reading.ior, abbe)
+
+
+def _absorption_of(
+    settings: bpy.types.PropertyGroup, reading: MaterialReading, metres: float
+) -> tuple[float, float, float]:
+    """Absorption, 1/m, of red, green and blue, by the material or by the colour after 1 cm."""
+    if not settings.use_tint:
+        return tuple(one / metres for one in reading.absorption)
+    return tuple(-log(max(part, DARKEST)) / CENTIMETRE for part in settings.tint)
 
 
 def _readings_of(part: WorldPart) -> tuple[list[MaterialReading], list[str]]:
@@ -119,6 +135,7 @@ def _readings_of(part: WorldPart) -> tuple[list[MaterialReading], list[str]]:
                 ignored=found.ignored,
                 own_ior=found.ior,
                 abbe=found.abbe,
+                absorption=found.absorption,
             )
         )
 

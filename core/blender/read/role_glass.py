@@ -20,10 +20,13 @@ def read(part: WorldPart, cache: ShapeCache) -> FoundPart:
 
 
 class GlassLook(NamedTuple):
-    """The interface of glass, and whether its reflection carries the picture."""
+    """The interface of glass, whether its reflection carries the picture, and its absorption, 1/m,
+    of red, green and blue.
+    """
 
     interface: Interface
     reflects: bool
+    absorption: tuple[float, float, float]
 
 
 def looks(rig: Rig) -> tuple[dict[str, GlassLook], list[str]]:
@@ -31,7 +34,7 @@ def looks(rig: Rig) -> tuple[dict[str, GlassLook], list[str]]:
     found, notes = interfaces(rig.glasses)
     of_each = zip(rig.glasses, found, strict=True)
     return {
-        glass.name: GlassLook(face, glass.reflects)
+        glass.name: GlassLook(face, glass.reflects, glass.absorption)
         for glass, face in of_each
         if face.index is not None
     }, notes
@@ -40,6 +43,8 @@ def looks(rig: Rig) -> tuple[dict[str, GlassLook], list[str]]:
 def shade(material: bpy.types.Material, look: GlassLook, studio: Studio) -> None:
     """Refract by the ratio of the two media."""
     shaders.be_glass(material, look.interface.index, studio.fresnel or look.reflects)
+    if studio.fresnel and any(look.absorption):
+        shaders.absorb(material, [one * studio.metres for one in look.absorption])
 
 
 def is_inside_out(look: GlassLook) -> bool:

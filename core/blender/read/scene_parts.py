@@ -29,6 +29,7 @@ class WorldPart:
     materials : the most used first
     matrix : (4, 4) of the object in the world, m
     frame : the scene's, for moving images
+    metres : length of a Blender unit
     """
 
     owner: bpy.types.Object
@@ -40,6 +41,7 @@ class WorldPart:
     n_dropped: int = 0
     matrix: Floats | None = None
     frame: int = 1
+    metres: float = 1.0
 
     @property
     def role(self) -> str:
@@ -97,6 +99,7 @@ def read_part(
         texture=shape.texture,
         n_dropped=n_dropped,
         matrix=matrix,
+        metres=float(to_metres[0, 0]),
     )
 
 
