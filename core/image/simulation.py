@@ -13,6 +13,7 @@ from ..light.plan import Plan
 from ..light.plate import PlatePath
 from ..light.rays import PlateLight, are_main, main_landings
 from ..light.trace import TRACED_AT_ONCE, trace
+from ..rig.pupil import focus_of, in_pupil, rays_through
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
 N_PLATE_RAYS = 4096  # rays for estimating brightness and blur
@@ -76,6 +77,7 @@ def simulate(
     by_pass = np.zeros((passes, len(PlatePath) + 1))
     random = np.random.default_rng(seed)
     start = random.random((2, n, 2))
+    focus = focus_of(plan.rig.place_of(viewer), viewer) if viewer.pupil else None
 
     for k in range(passes):
         has_shown = by_pass[:, PlatePath.REFLECTED].any()
@@ -85,6 +87,11 @@ def simulate(
             pixels = np.arange(first, min(first + TRACED_AT_ONCE, n))
             inside = (start[k % 2, pixels] + (k // 2) * EVEN_STEP) % 1.0
             xy = np.stack([pixels % viewer.width, pixels // viewer.width], axis=1) + inside
+            if focus is None:
+                sent = viewer.rays(xy)
+            else:
+                places = in_pupil(viewer, random.random((len(xy), 2)))
+                sent = rays_through(viewer, xy, places, focus)
 
             kinds: list[tuple[PlateLight, Ints, float]] = [("folded", np.arange(len(pixels)), 1.0)]
             if has_faces:
@@ -93,7 +100,7 @@ def simulate(
             for light, some, weight in kinds:
                 views = plan.rig.display.views
                 dither = 0.0 if views is None else random.random((len(some), 2)) - 0.5
-                rays, colours, path, is_main = _shown(plan, xy[some], light, texels, dither)
+                rays, colours, path, is_main = _shown(plan, tuple(of_ray[some] for of_ray in sent), light, texels, dither)
                 colours *= weight
                 # a ray that splits adds all its light
                 of_chunk = halves[k % 2][:, first : first + len(pixels)]
@@ -119,16 +126,21 @@ def simulate(
 
 
 def _shown(
-    plan: Plan, xy: Floats, light: PlateLight, texels: Floats, dither: Floats | float
+    plan: Plan,
+    rays: tuple[Floats, ...],
+    light: PlateLight,
+    texels: Floats,
+    dither: Floats | float,
 ) -> tuple[Ints, Floats, Ints, Bools]:
-    """Display light at viewer px (n, 2) for one kind of light: indices (m,) of lit points, colours
-    (m, 3), PlatePath (m,), and whether by the path of the picture (m,), if parts split light.
+    """Display light of rays for one kind of light: indices (m,) of lit points, colours (m, 3),
+    PlatePath (m,), and whether by the path of the picture (m,), if parts split light.
 
+    rays : origins and directions (n, 3)
     texels : (H * W, 3) of the display, row by row
     dither : as for `in_quilt`, equal for all landings of a ray
     """
     display = plan.rig.display
-    landings = trace(plan, *plan.viewer.rays(xy), light=light)
+    landings = trace(plan, *rays, light=light)
     is_seen, index = landings.pixels(display.width, display.height)
     if display.views is not None:
         is_seen, index = in_quilt(plan, landings, is_seen, index, dither[landings.sample])
@@ -136,7 +148,7 @@ def _shown(
         is_seen &= landings.plate_path == PlatePath.REFLECTED
 
     colours = texels[index[is_seen]] * landings.throughput[is_seen, None]
-    is_main = are_main(landings, len(xy))[is_seen]
+    is_main = are_main(landings, len(rays[0]))[is_seen]
     return landings.sample[is_seen], colours, landings.plate_path[is_seen], is_main
 
 

@@ -36,6 +36,7 @@ from .parts import (
     Screen,
     WavePlate,
 )
+from .pupil import check_pupil
 from .roles import Part, Role
 from .viewer import PERPENDICULAR, Projector, Viewer, check_own_images, check_together
 
@@ -243,7 +244,7 @@ class Rig:
     def light_keys(self) -> tuple[str, ...]:
         """For each viewer, a cached key of everything its light meets.
 
-        The key ignores other viewers, projectors, weights and the picture.
+        The key ignores other viewers, projectors, weights, pupils and the picture.
         """
         # meshes are large, and their hashes cached
         met = {
@@ -257,7 +258,7 @@ class Rig:
                 replace(one, black_level=0.0, primaries=SRGB_PRIMARIES) for one in met[name]
             )
         of_all = fingerprint(replace(self, viewers=(), pictures=(), projectors=(), **met))
-        return tuple(fingerprint(of_all, replace(one, weight=1.0)) for one in self.viewers)
+        return tuple(fingerprint(of_all, replace(one.pinhole, weight=1.0)) for one in self.viewers)
 
     @property
     def disperses(self) -> bool:
@@ -302,6 +303,9 @@ class Rig:
         check_together(self.viewers, self.plates, bool(self.mirrors))
         if self.has_own_images:
             check_own_images(self.viewers, self.picture)
+        for viewer in (one for one in self.viewers if one.pupil):
+            meshes = [part.mesh for role in MET_ROLES for part in self.of(role)]
+            check_pupil(viewer, self.place_of(viewer), meshes)
 
     def _check_half_mirrors(self) -> None:
         """Raise RigError for two flat half mirrors face to face: light between them has no end."""

@@ -43,6 +43,8 @@ class Settings:
         the picture at the weighted mean place ("sharp"), or the weighted mean colour ("blended");
         ignored for one viewer
     colours : weights of red, green and blue in the traced light, for glass that absorbs them
+    sharpen : after painting, change the source image until all viewers see it nearest to their
+        ideal images, through their pupils if they have one
     """
 
     tolerance: float = 0.1
@@ -57,6 +59,7 @@ class Settings:
     only_through_plate: bool = True
     disagreement: Disagreement = "sharp"
     colours: tuple[float, float, float] = WHITE
+    sharpen: bool = False
 
     @property
     def looks_past_glass(self) -> bool:
@@ -76,6 +79,7 @@ class Settings:
             ghosts="mean",
             suppress_glare=float(self.looks_past_glass),
             disagreement="sharp",
+            sharpen=False,
         )
 
     @property

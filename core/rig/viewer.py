@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -34,6 +34,8 @@ class Viewer(Part):
         (perspective: dimensionless tangents) or on the camera's own plane (orthographic: m)
     width, height : pixels
     weight : relative to other viewers, above 0
+    pupil : m, diameter of the disc around the position that light enters; 0 for a pinhole
+    focus : m along forward to the plane that a pupil sees sharp; None for the picture's centre
     """
 
     name: str
@@ -44,6 +46,8 @@ class Viewer(Part):
     width: int
     height: int
     weight: float = 1.0
+    pupil: float = 0.0
+    focus: float | None = None
 
     def __post_init__(self) -> None:
         if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
@@ -70,6 +74,24 @@ class Viewer(Part):
 
         if not (np.isfinite(self.weight) and self.weight > 0):
             raise out_of_range(owner, "Weight", self.weight, 0)
+
+        if not (np.isfinite(self.pupil) and self.pupil >= 0):
+            raise out_of_range(owner, "Diameter", self.pupil, 0)
+
+        if self.focus is not None and not (np.isfinite(self.focus) and self.focus > 0):
+            raise out_of_range(owner, "Focus Distance", self.focus, 0)
+
+        if self.pupil and self.projection != "perspective":
+            raise RigError(
+                "{owner} is orthographic and has no pupil: set Diameter to 0, or make the camera"
+                " perspective.",
+                owner=owner,
+            )
+
+    @property
+    def pinhole(self) -> "Viewer":
+        """This viewer with a pupil of one point, as view maps are traced for."""
+        return self if not self.pupil else replace(self, pupil=0.0, focus=None)
 
     def weighed(self, values: Floats) -> Floats:
         """Values times the viewer's weight; the same array at a weight of 1."""

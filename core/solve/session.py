@@ -54,7 +54,9 @@ from .projection import (
 )
 from .reflected_picture import is_reflected, reflect_picture
 from .remarks import remarks_on, remarks_on_displays
+from .sharpening import SHARPENING, Sharpener
 from .solution import Solution
+from .through_pupil import PupilViews, views_of
 
 
 class Optics(NamedTuple):
@@ -250,6 +252,8 @@ class Session:
         self._shown: Shown | None = None
         self._projections: dict[str, Projection] = {}
         self._colours = Colours(self._cache)
+        self._views: dict[str, PupilViews] = {}
+        self._sharpener = Sharpener()
         self.is_tracing = False  # whether a view map is being traced
 
     def solve(
@@ -313,10 +317,11 @@ class Session:
         keys = keys_of(rig, settings)
         clock.lap("fingerprint")
 
+        last = ("sharpening",) if settings.sharpen else ()
         optics, n_rays = self._optics, 0
         is_new = not self._has(keys)
         if is_new or optics.keys != keys:
-            span, *_ = spans(TRACING, *AFTER)
+            span, *_ = spans(TRACING, *AFTER, last)
             optics, n_rays = yield from subprogress(
                 self._trace_missing(rig, settings, keys, clock), *span
             )
@@ -328,7 +333,7 @@ class Session:
         to_be_covered = uncovered(optics, placed)
         done = TRACING if is_new else ()
         rest = ("coverage",) if to_be_covered else (), ("measuring",) if to_be_measured else ()
-        _, painted, covered, measured = spans(done, ("painting",), *rest)
+        _, painted, covered, measured, sharpened = spans(done, ("painting",), *rest, last)
         yield painted[0]
 
         steps = self._light_of(placed, optics, rig, settings, clock, not is_moving)
@@ -354,6 +359,15 @@ class Session:
         by_display = yield from hold_progress(measured[1], _by_display(channels))
         clock.lap("coverage")
 
+        self._views = views_of(plans, optics.maps, optics.keys, self._views)
+        views, sharp = tuple(self._views.values()), None
+        if settings.sharpen:
+            past_glass = [traced.weight_past_glass for traced in optics.channels]
+            steps = self._sharpener.sharpened(plans, views, past_glass, light)
+            sharp = yield from subprogress(steps, *sharpened)
+            source = rig.display.source_for(sharp.light)
+            clock.lap("sharpening")
+
         yield 1.0
         return Solution(
             rig=rig,
@@ -361,12 +375,18 @@ class Session:
             channels=channels,
             seconds=clock.seconds,
             n_rays=n_rays,
-            used=channels[0].plan.used + ((MAP_EACH,) if channels[0].colours else ()),
-            left_out=channels[0].plan.left_out + _left_out(is_new, placed.channels, colour),
+            used=channels[0].plan.used
+            + ((MAP_EACH,) if channels[0].colours else ())
+            + (SHARPENING,) * settings.sharpen,
+            left_out=channels[0].plan.left_out
+            + (SHARPENING,) * (not settings.sharpen)
+            + _left_out(is_new, placed.channels, colour),
             remarks=remarks_on(channels, light, colour) + remarks_on_displays(rig, by_display),
             colour=colour,
             by_display=by_display[0] if by_display else (),
             settled=placed.settled,
+            views=views,
+            sharpened=sharp,
         )
 
     def solve_preview(

@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.messages import Message
 from ..base.numbers import millimetres
-from ..base.steps import Steps
+from ..base.steps import Steps, hold_progress, subprogress
 from ..rig.joined_display import Section, sections_of, stack
 from ..rig.rig import Rig
 from ..rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE
 from .channel import Channel
 from .disagreement import Settled
 from .lateral_colour import LateralColour
+from .sharpening import Sharpened
+from .through_pupil import PupilViews
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class Solution:
         sees it, that each shows
     projected : (h, w, 3) float32 linear, an image for each projector
     colour : lateral colour of the first viewer; None if the glass does not disperse
+    views : what each viewer sees through its pupil, one for each of its colours if glass disperses
+    sharpened : the effect of Sharpen; None if it is off
     """
 
     rig: Rig
@@ -75,6 +79,8 @@ class Solution:
     by_display: tuple[float, ...] = ()
     projected: tuple[NDArray[np.float32], ...] = ()
     colour: LateralColour | None = None
+    views: tuple[PupilViews, ...] = ()
+    sharpened: Sharpened | None = None
 
     @property
     def sections(self) -> tuple[Section, ...]:
@@ -145,6 +151,22 @@ class Solution:
     def seeing(self, source: NDArray[np.float32]) -> Steps[NDArray[np.float32]]:
         """`seen` in steps."""
         return self.first.seeing(source)
+
+    def seeing_with_pupil(
+        self, source: NDArray[np.float32]
+    ) -> Generator[float, None, NDArray[np.float32]]:
+        """The first viewer's image through its pupil (h, w, c) of source images (H, W, c); yields
+        progress 0..1. Without a pupil the same as `seeing`.
+        """
+        if not self.first.viewer.pupil:
+            return (yield from hold_progress(0.0, self.seeing(source)))
+        light, n = self.rig.display.light_of(source), max(len(self.first.colours), 1)
+        seen = []
+        for k, views in enumerate(self.views[:n]):
+            yield from subprogress(views.trace(), k / n, (k + 1) / n)
+            steps = views.seeing(light[..., k::n])
+            seen.append((yield from hold_progress((k + 1) / n, steps)))
+        return np.stack(seen, axis=-1).reshape(*seen[0].shape[:2], -1)
 
     def trace_stray_light(self) -> Generator[float, None, None]:
         """Trace light past the glass for the first viewer; yields progress 0..1."""

@@ -14,6 +14,7 @@ from .rigs import RIG_MARK
 
 MOST_SHEAR = 1e-4  # axes further from perpendicular are not float32 noise
 SAME_SHAPE = 1e-3  # ratio of width to height: a smaller difference is invisible
+LEAST_F_STOP = 1e-3  # Blender allows 0
 PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic"}
 
 
@@ -239,6 +240,7 @@ def read_viewer(
             break
     frame = frame_of(camera, render)
     width, height = frame.size
+    pupil, focus = _pupil_of(camera.original.kiriko, lens, matrix, metres)
 
     return Viewer(
         name=camera.name,
@@ -248,4 +250,26 @@ def read_viewer(
         window=image_window(lens, frame, metres),
         width=width,
         height=height,
+        pupil=pupil,
+        focus=focus,
+    )
+
+
+def _pupil_of(
+    ours: bpy.types.PropertyGroup, lens: bpy.types.Camera, matrix: Floats, metres: float
+) -> tuple[float, float | None]:
+    """Diameter of a camera's pupil, and the distance of its focus, m; None for the picture's.
+
+    With depth of field the diameter is the focal length divided by the f-number, in thousandths of
+    a Blender unit as in Cycles, and an object's distance counts along the view (blender_camera.cpp
+    in Cycles, BKE_camera_object_dof_distance in Blender's camera.cc).
+    """
+    if not ours.use_dof:
+        return 1e-3 * ours.pupil, None
+    distance = lens.dof.focus_distance
+    if lens.dof.focus_object is not None:
+        place = np.array(lens.dof.focus_object.matrix_world.translation)
+        distance = abs((place - matrix[:3, 3]) @ matrix[:3, 2])
+    return 1e-3 * lens.lens / max(lens.dof.aperture_fstop, LEAST_F_STOP) * metres, (
+        float(distance) * metres
     )

@@ -171,6 +171,7 @@ def _like(scene: bpy.types.Scene, viewer: bpy.types.Object, place: EyePlace) -> 
     thing = bpy.data.objects.new(place.name, lens)
     ours, its = thing.kiriko, viewer.kiriko
     ours.use_resolution, ours.resolution = its.use_resolution, its.resolution
+    ours.pupil, ours.use_dof = its.pupil, its.use_dof
 
     thing.parent = viewer
     thing.matrix_parent_inverse = viewer.matrix_world.inverted()

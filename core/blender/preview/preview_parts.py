@@ -14,10 +14,12 @@ from mathutils import Matrix
 from ...base.errors import RigError
 from ...bench.offset import part_motions
 from ...glass.tessellate import tessellate
+from ...rig.pupil import focus_of
 from ...rig.rig import ROLES, Mesh, Rig
 from ..data.camera_viewer import viewer_of
 from ..data.made_objects import OBJECT_MARK, give_normals
 from ..data.temporary import mark
+from ..data.units import length_of_unit
 from ..read.part_roles import InBlender, Studio, in_blender
 from ..read.read_mesh import sharpen_creases
 from ..read.scene import Reading, object_matrix
@@ -196,13 +198,24 @@ class PreviewParts:
         drawn, window = (np.ptp(rig.viewers[0].window[:2]) for rig in rigs)
         camera.lens = camera.lens * drawn / window
         camera.ortho_scale = camera.ortho_scale * window / drawn
-        camera.dof.use_dof = False
+        _set_pupil(camera, self._reading.rig, length_of_unit(scene))
         camera.clip_start = min(camera.clip_start, 1e-4)
 
         thing = mark(bpy.data.objects.new("Kiriko Preview Viewer", camera))
         thing.matrix_world = self._offsets.get(viewer.name, Matrix()) @ evaluated.matrix_world
         self._made.collection.objects.link(thing)
         self._made.camera = thing
+
+
+def _set_pupil(camera: bpy.types.Camera, rig: Rig, metres: float) -> None:
+    """Give a preview's camera the depth of field of the rig's first viewer."""
+    viewer, dof = rig.viewers[0], camera.dof
+    dof.use_dof = viewer.pupil > 0
+    if dof.use_dof:
+        dof.focus_object = None
+        dof.focus_distance = focus_of(rig.place_of(viewer), viewer) / metres
+        dof.aperture_fstop = 1e-3 * camera.lens * metres / viewer.pupil
+        dof.aperture_blades, dof.aperture_ratio = 0, 1.0
 
 
 def add_surroundings(

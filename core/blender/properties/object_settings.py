@@ -400,6 +400,23 @@ class KirikoObject(bpy.types.PropertyGroup):
         min=1,
         max=32768,
     )
+    pupil: FloatProperty(
+        name="Diameter",
+        description="Diameter of the viewer's pupil, always in millimetres, such as 4 for an eye in"
+        " a room; 0 for a pinhole, which sees everything sharp",
+        default=0.0,
+        min=0.0,
+        soft_max=8.0,
+        precision=2,
+        step=10,
+        unit="CAMERA",
+    )
+    use_dof: BoolProperty(
+        name="Use Depth of Field",
+        description="Take the pupil and its focus from the camera's F-Stop, focal length and focus"
+        " distance or object, instead of focusing on the picture",
+        default=False,
+    )
     taken_as: StringProperty(options={"HIDDEN"})
     is_made_glass: BoolProperty(options={"HIDDEN"})
     is_drawn_by_edges: BoolProperty(options={"HIDDEN"})

@@ -177,7 +177,7 @@ def scene_notes(
     notes += [
         Message("Kiriko ignores the depth of field of '{viewer}'.", viewer=camera.name)
         for camera in cameras
-        if camera.type == "CAMERA" and camera.data.dof.use_dof
+        if camera.type == "CAMERA" and camera.data.dof.use_dof and not camera.original.kiriko.use_dof
     ]
 
     return notes
@@ -351,7 +351,7 @@ def read_projector(
 ) -> Projector:
     """The projector of a camera object."""
     viewer = read_viewer(camera, depsgraph, scene.render, length_of_unit(scene))
-    return Projector(**vars(viewer))
+    return Projector(**vars(viewer.pinhole))
 
 
 def _read_image(
