@@ -129,6 +129,7 @@ def can_draw(rig: Rig, settings: Settings) -> bool:
         and settings.margin == 0
         and settings.suppress_glare == 0
         and settings.ghosts == "mean"
+        and not settings.sharpen
         and not any(display.black_level for display in rig.displays)
         and not rig.projectors
         and not is_reflected(rig)
@@ -143,12 +144,12 @@ def can_draw(rig: Rig, settings: Settings) -> bool:
 
 def is_faithful(solution: Solution) -> bool:
     """Whether drawn images equal painted ones: parts smaller than a pixel, as of facets, may not be
-    drawn, and a coarse display has more in a pixel than is read.
+    drawn, a coarse display has more in a pixel than is read, and pupils are not drawn.
     """
     display, first = solution.rig.display, solution.first
     error, viewer = first.map_error, first.viewer
     is_fine = display.width * display.height >= viewer.width * viewer.height
-    is_fine &= display.views is None
+    is_fine &= display.views is None and not viewer.pupil
     return is_fine and error.facet_limited + error.unresolved + error.sampled <= MOST_ROUGH
 
 

@@ -26,7 +26,9 @@ NEEDED = {
 }
 MISSED = {role.name for role in ROLES if role.is_missed}
 NO_PLATE = Message("The rig's plate is missing: make a new one, or remove it from the rig")
-NO_STRAY_LIGHT = Message("No part to simulate, such as a plate or a half mirror: use Preview")
+NO_STRAY_LIGHT = Message(
+    "Nothing to simulate, such as a plate, a half mirror or a pupil: use Preview"
+)
 UNSOLVED = Message("No source image yet: solve first")
 NO_RIG = Message("Add a rig first")
 NO_CYCLES = Message("Enable the add-on Cycles Render Engine")
@@ -268,6 +270,8 @@ def sculpting(context: bpy.types.Context) -> list[str]:
 def no_stray_light(scene: bpy.types.Scene) -> list[str]:
     """Reason to disable Simulate if no part sends light astray."""
     is_split = any(thing.kiriko.element.reflects for thing in parts_met(scene).get("GLASS", ()))
+    camera = viewer_of(scene)
+    is_split |= camera is not None and (camera.kiriko.use_dof or camera.kiriko.pupil > 0)
     is_split |= any(has_part(scene, role) for role in ("PLATE", "HALF_MIRROR", "RETROREFLECTOR"))
     return [] if is_split or has_makers(scene) else [NO_STRAY_LIGHT]
 

@@ -162,4 +162,5 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
         suppress_glare=ours.suppress_glare,
         ghosts=ours.ghosts.lower(),
         disagreement=ours.disagreement.lower(),
+        sharpen=ours.sharpen,
     )

@@ -41,6 +41,7 @@ CLASSES = (
     viewers_panel.KIRIKO_UL_viewers,
     viewers_panel.VIEW3D_MT_kiriko_scenes,
     viewers_panel.VIEW3D_PT_kiriko_viewers,
+    viewers_panel.VIEW3D_PT_kiriko_pupil,
     export_panel.VIEW3D_PT_kiriko_more_exports,
     export_panel.VIEW3D_PT_kiriko_animation,
     export_panel.VIEW3D_PT_kiriko_report,

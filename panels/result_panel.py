@@ -1,5 +1,7 @@
 """The last result: percentage shown, error and time; its image and all other numbers in Details."""
 
+from collections.abc import Iterator
+
 import bpy
 
 from ..core.base.messages import Message, as_message, joined
@@ -204,6 +206,9 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
 
         draw_shares(layout, details)
         draw_forecast(layout, context, details)
+        if details.get("sharpened"):
+            for words in sharpened_words(details["sharpened"]):
+                sentence(layout, context, words, icon="SHARPCURVE")
         draw_white(layout, context, details)
         for read in details["materials"]:
             sentence(layout, context, material_words(read, sentences), icon="MATERIAL")
@@ -212,6 +217,20 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
         if details["left_out"]:
             parts = joined(map(sentences.message, details["left_out"]), ", ")
             sentence(layout, context, Message("Left out: {parts}.", parts=parts))
+
+
+def sharpened_words(found: dict) -> Iterator[Message]:
+    """The view before and after Sharpen."""
+    before, after = found["before"], found["after"]
+    if before["psnr"] is not None and after["psnr"] is not None:
+        yield Message(
+            "Sharpen: {before} to {after} dB from the picture, SSIM {similar} to {more_similar}",
+            before=number(before["psnr"]),
+            after=number(after["psnr"]),
+            similar=number(before["ssim"]),
+            more_similar=number(after["ssim"]),
+        )
+    yield Message("Ringing: {share} of white", share=percent(after["ringing"]))
 
 
 def draw_shares(layout: bpy.types.UILayout, details: dict) -> None:

@@ -41,7 +41,7 @@ class VIEW3D_PT_kiriko_advanced(Closed, bpy.types.Panel):
         layout = with_labels(self.layout)
         ours = context.scene.kiriko
         column = layout.column()
-        for name in ("brightness", "ghosts", "only_through_glass"):
+        for name in ("brightness", "sharpen", "ghosts", "only_through_glass"):
             column.prop(ours, name)
         row = column.row()
         row.active = needed.has_part(context.scene, "PLATE")

@@ -106,6 +106,30 @@ class VIEW3D_PT_kiriko_viewers(Closed, bpy.types.Panel):
         draw_eye_box(layout, context)
 
 
+class VIEW3D_PT_kiriko_pupil(Closed, bpy.types.Panel):
+    """The pupil of the chosen viewer."""
+
+    bl_label = "Pupil"
+    bl_parent_id = "VIEW3D_PT_kiriko_viewers"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = with_labels(self.layout)
+        viewer = viewer_of(context.scene)
+        if viewer is None or viewer.type != "CAMERA":
+            return
+        ours = viewer.kiriko
+        layout.prop(ours, "use_dof")
+        if not ours.use_dof:
+            layout.prop(ours, "pupil")
+            return
+        dof = viewer.data.dof
+        layout.prop(dof, "aperture_fstop")
+        layout.prop(dof, "focus_object")
+        row = layout.row()
+        row.active = dof.focus_object is None
+        row.prop(dof, "focus_distance")
+
+
 def draw_frame(column: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """The viewer's pixels, and a button if Numpad 0 shows another camera."""
     scene = context.scene

@@ -18,7 +18,6 @@ SHARES = {
     "coverage": 0.03,
     "measuring": 0.07,
 }
-IF_REQUESTED = {"sharpening": 1.0}
 MAP = "squares", "borders", "samples"
 TRACING = "plan", *MAP, "spread"
 AFTER = ("painting",), ("coverage",), ("measuring",)
@@ -28,7 +27,7 @@ Span = tuple[float, float]
 
 def spans(*parts: tuple[str, ...]) -> list[Span]:
     """Start and end, 0..1, of parts of a solve, each a group of stages."""
-    ends = [0.0, *accumulate(sum((SHARES | IF_REQUESTED)[stage] for stage in stages) for stages in parts)]
+    ends = [0.0, *accumulate(sum(SHARES[stage] for stage in stages) for stages in parts)]
     return [(start / ends[-1], end / ends[-1]) for start, end in pairwise(ends)]
 
 

@@ -100,7 +100,8 @@ def simulate(
             for light, some, weight in kinds:
                 views = plan.rig.display.views
                 dither = 0.0 if views is None else random.random((len(some), 2)) - 0.5
-                rays, colours, path, is_main = _shown(plan, tuple(of_ray[some] for of_ray in sent), light, texels, dither)
+                those = tuple(of_ray[some] for of_ray in sent)
+                rays, colours, path, is_main = _shown(plan, those, light, texels, dither)
                 colours *= weight
                 # a ray that splits adds all its light
                 of_chunk = halves[k % 2][:, first : first + len(pixels)]

@@ -91,9 +91,7 @@ def pinholes(place: PicturePlace, viewer: Viewer, n: int) -> list[Viewer]:
     return [pinhole_at(viewer, at, focus) for at in even_places(viewer, n)]
 
 
-def rays_through(
-    viewer: Viewer, xy: Floats, places: Floats, focus: float
-) -> tuple[Floats, Floats]:
+def rays_through(viewer: Viewer, xy: Floats, places: Floats, focus: float) -> tuple[Floats, Floats]:
     """Origins and unit directions (n, 3) of rays through viewer px (n, 2) and places (n, 2), m, of
     the pupil.
     """

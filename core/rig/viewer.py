@@ -90,7 +90,7 @@ class Viewer(Part):
 
     @property
     def pinhole(self) -> "Viewer":
-        """This viewer with a pupil of one point, as view maps are traced for."""
+        """The viewer with a pupil of one point, as view maps are traced for."""
         return self if not self.pupil else replace(self, pupil=0.0, focus=None)
 
     def weighed(self, values: Floats) -> Floats:

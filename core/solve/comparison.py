@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.fingerprint import fingerprint
-from ..base.steps import Steps, hold_progress, subprogress
+from ..base.steps import subprogress
 from ..image.seen_image import ideal_image
 from ..map.view_map import ViewMap
 from ..rig.rig import Picture, Rig, Viewer
@@ -79,7 +79,7 @@ class Comparer:
         RigError : the rig shows nothing even without its glass
         """
         bare = without_glass(rig)
-        how = replace(settings, only_through_glass=False, suppress_glare=0.0)
+        how = replace(settings, only_through_glass=False, suppress_glare=0.0, sharpen=False)
         key = fingerprint(bare, how, artist is None)
         if key != self._key:
             plain = yield from subprogress(self._plain_source(bare, how, artist), 0.0, 0.7)
@@ -91,7 +91,7 @@ class Comparer:
 
         yield 0.7
         sources = self._plain, solution.source
-        before, after = yield from hold_progress(0.7, _seen(solution, sources, artist))
+        before, after = yield from subprogress(_seen(solution, sources, artist), 0.7, 1.0)
         return Comparison(before, after, self._ideal, solution.source, solution.first.viewer)
 
     def _plain_source(
@@ -106,10 +106,12 @@ class Comparer:
 
 def _seen(
     solution: Solution, sources: Sequence[Image], artist: Artist | None
-) -> Steps[Sequence[Image]]:
-    """The first viewer's images of source images, with pauses."""
+) -> Generator[float, None, Sequence[Image]]:
+    """The first viewer's images of source images, through its pupil if it has one; yields progress
+    0..1.
+    """
     if artist is None:
-        seen = yield from solution.seeing(np.concatenate(sources, axis=2))
+        seen = yield from solution.seeing_with_pupil(np.concatenate(sources, axis=2))
         return np.split(seen, len(sources), axis=2)
     first, light_of = solution.first, solution.rig.display.light_of
     settings = first.plan.settings

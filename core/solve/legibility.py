@@ -72,7 +72,8 @@ def card_legibility(
     cache : cache of prepared glass
     """
     of_card = replace(rig, viewers=rig.viewers[:1], pictures=(rig.picture_place.showing(card()),))
+    coarse = coarser(of_card, replace(settings, sharpen=False), VIEWER_PX)
     try:
-        return legibility((yield from Session(cache).solve(*coarser(of_card, settings, VIEWER_PX))))
+        return legibility((yield from Session(cache).solve(*coarse)))
     except RigError:
         return 0.0

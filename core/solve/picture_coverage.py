@@ -12,7 +12,7 @@ from ..base.messages import Message
 from ..base.steps import Steps
 from ..base.words import percent
 from ..image.picture import cover_in_view, of_square, picture_from_view, why_unseen
-from ..light.rays import REASON_WORDS, Reason
+from ..light.rays import BY_GAPS, REASON_WORDS, Reason
 from ..map.view_map import ViewMap
 from ..rig.joined_display import sections_of
 from ..rig.rig import PicturePlace, Rig
@@ -222,3 +222,17 @@ def _too_small(rig: Rig, viewer: Viewer) -> Message | None:
             glass=glass.name,
         )
     return small
+
+
+def but_leaked(
+    coverage: float, misses: dict[str, float], leaked: dict[Reason, float]
+) -> tuple[float, dict[str, float]]:
+    """Coverage and misses with light through gaps under its own reason.
+
+    Such light may be painted, but its real path is unknown.
+    """
+    lost = {REASON_WORDS[r]: share for r, share in leaked.items() if r != Reason.ARRIVED}
+    gone = {word: min(share, lost.get(word, 0.0)) for word, share in misses.items()}
+    arrived = min(leaked[Reason.ARRIVED], coverage)
+    left = {word: share - gone[word] for word, share in misses.items() if share > gone[word]}
+    return coverage - arrived, {**left, BY_GAPS: arrived + sum(gone.values())}

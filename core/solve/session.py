@@ -22,7 +22,6 @@ from ..image.pyramid import Pyramid, pyramids_of
 from ..light.compile_plan import compile_plan_steps
 from ..light.mesh_cache import MeshCache
 from ..light.plan import Plan
-from ..light.rays import BY_GAPS, REASON_WORDS, Reason
 from ..map.measured_error import checked
 from ..map.view_map import ViewMap
 from ..rig.rig import Rig
@@ -44,7 +43,7 @@ from .disagreement import Settled, is_comparable, is_sharp, settle
 from .lateral_colour import MAP_EACH, Colours, LateralColour, why_one_map
 from .memory import check_memory, check_traced
 from .painting import PASS, Clock, Placed, finished, paint, place
-from .picture_coverage import check_seen, of_displays, why_dark
+from .picture_coverage import but_leaked, check_seen, of_displays, why_dark
 from .projection import (
     Projection,
     project,
@@ -57,6 +56,8 @@ from .remarks import remarks_on, remarks_on_displays
 from .sharpening import SHARPENING, Sharpener
 from .solution import Solution
 from .through_pupil import PupilViews, views_of
+
+PAINTED = 0.4  # progress of a solve that sharpens once the image is painted
 
 
 class Optics(NamedTuple):
@@ -199,20 +200,6 @@ def channels_of(
     return Channel.joined([_channel(*of_one, light) for of_one in of_each])
 
 
-def _but_leaked(
-    coverage: float, misses: dict[str, float], leaked: dict[Reason, float]
-) -> tuple[float, dict[str, float]]:
-    """Coverage and misses with light through gaps under its own reason.
-
-    Such light may be painted, but its real path is unknown.
-    """
-    lost = {REASON_WORDS[r]: share for r, share in leaked.items() if r != Reason.ARRIVED}
-    gone = {word: min(share, lost.get(word, 0.0)) for word, share in misses.items()}
-    arrived = min(leaked[Reason.ARRIVED], coverage)
-    left = {word: share - gone[word] for word, share in misses.items() if share > gone[word]}
-    return coverage - arrived, {**left, BY_GAPS: arrived + sum(gone.values())}
-
-
 def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float32]) -> Channel:
     """A completely painted channel.
 
@@ -223,7 +210,7 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
     stray, shown = traced.measured.stray, plan.rig.display.nearest(light)
     measured = traced.measured
     if sum(measured.accuracy.leaked.values()) > LEAST_LOST:
-        picture_coverage, misses = _but_leaked(picture_coverage, misses, measured.accuracy.leaked)
+        picture_coverage, misses = but_leaked(picture_coverage, misses, measured.accuracy.leaked)
 
     return Channel(
         plan=plan,
@@ -312,16 +299,47 @@ class Session:
         is_moving: bool,
     ) -> Generator[float, None, Solution]:
         """`solve` without projectors."""
+        steps = self._paint(rig, settings, show, is_moving)
+        end = PAINTED if settings.sharpen else 1.0
+        found, plans, optics, light = yield from subprogress(steps, 0.0, end)
+        self._views = views_of(plans, optics.maps, optics.keys, self._views)
+        views = tuple(self._views.values())
+        if not settings.sharpen:
+            return replace(found, views=views, left_out=(*found.left_out, SHARPENING))
+
+        clock = Clock()
+        past_glass = [traced.weight_past_glass for traced in optics.channels]
+        steps = self._sharpener.sharpened(plans, views, past_glass, light)
+        sharp = yield from subprogress(steps, end, 1.0)
+        clock.lap("sharpening")
+        return replace(
+            found,
+            source=found.rig.display.source_for(sharp.light),
+            seconds=found.seconds | clock.seconds,
+            used=(*found.used, SHARPENING),
+            views=views,
+            sharpened=sharp,
+        )
+
+    def _paint(
+        self,
+        rig: Rig,
+        settings: Settings,
+        show: Callable[[NDArray[np.float32]], None] | None,
+        is_moving: bool,
+    ) -> Generator[float, None, tuple[Solution, list[Plan], Optics, NDArray[np.float32]]]:
+        """The painted solution, its plans and optics, and the light that is wanted of the display;
+        yields progress 0..1.
+        """
         clock = Clock()
         rig, apart = yield from hold_progress(0.0, self._colours.needed(rig, settings))
         keys = keys_of(rig, settings)
         clock.lap("fingerprint")
 
-        last = ("sharpening",) if settings.sharpen else ()
         optics, n_rays = self._optics, 0
         is_new = not self._has(keys)
         if is_new or optics.keys != keys:
-            span, *_ = spans(TRACING, *AFTER, last)
+            span, *_ = spans(TRACING, *AFTER)
             optics, n_rays = yield from subprogress(
                 self._trace_missing(rig, settings, keys, clock), *span
             )
@@ -333,7 +351,7 @@ class Session:
         to_be_covered = uncovered(optics, placed)
         done = TRACING if is_new else ()
         rest = ("coverage",) if to_be_covered else (), ("measuring",) if to_be_measured else ()
-        _, painted, covered, measured, sharpened = spans(done, ("painting",), *rest, last)
+        _, painted, covered, measured = spans(done, ("painting",), *rest)
         yield painted[0]
 
         steps = self._light_of(placed, optics, rig, settings, clock, not is_moving)
@@ -359,35 +377,21 @@ class Session:
         by_display = yield from hold_progress(measured[1], _by_display(channels))
         clock.lap("coverage")
 
-        self._views = views_of(plans, optics.maps, optics.keys, self._views)
-        views, sharp = tuple(self._views.values()), None
-        if settings.sharpen:
-            past_glass = [traced.weight_past_glass for traced in optics.channels]
-            steps = self._sharpener.sharpened(plans, views, past_glass, light)
-            sharp = yield from subprogress(steps, *sharpened)
-            source = rig.display.source_for(sharp.light)
-            clock.lap("sharpening")
-
         yield 1.0
-        return Solution(
+        solution = Solution(
             rig=rig,
             source=source,
             channels=channels,
             seconds=clock.seconds,
             n_rays=n_rays,
-            used=channels[0].plan.used
-            + ((MAP_EACH,) if channels[0].colours else ())
-            + (SHARPENING,) * settings.sharpen,
-            left_out=channels[0].plan.left_out
-            + (SHARPENING,) * (not settings.sharpen)
-            + _left_out(is_new, placed.channels, colour),
+            used=channels[0].plan.used + ((MAP_EACH,) if channels[0].colours else ()),
+            left_out=channels[0].plan.left_out + _left_out(is_new, placed.channels, colour),
             remarks=remarks_on(channels, light, colour) + remarks_on_displays(rig, by_display),
             colour=colour,
             by_display=by_display[0] if by_display else (),
             settled=placed.settled,
-            views=views,
-            sharpened=sharp,
         )
+        return solution, plans, optics, light
 
     def solve_preview(
         self, rig: Rig, settings: Settings

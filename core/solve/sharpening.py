@@ -15,8 +15,8 @@ and Candes, Adaptive restart for accelerated gradient schemes, Found. Comp. Math
 """
 
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,6 +148,13 @@ class Sharpened:
     before: tuple[SeenQuality | None, ...]
     after: tuple[SeenQuality | None, ...]
 
+    @property
+    def figures(self) -> dict[str, Any] | None:
+        """Quality of the first channel's seen image before and after, as plain data."""
+        if self.before[0] is None:
+            return None
+        return {"before": asdict(self.before[0]), "after": asdict(self.after[0])}
+
 
 def sharpen(
     lookers: Sequence[Looker],
@@ -196,8 +203,9 @@ def sharpen(
 
     x = np.where(is_free, start.clip(least, 1.0), start)
     first = now = last = yield from hold_progress(0.0, state_of(x))
-    n, t, progress = 0, 1.0, 0.0
-    for n in range(1, MOST_STEPS + 1):
+    n_steps, t, progress = 0, 1.0, 0.0
+    while n_steps < MOST_STEPS:
+        n_steps += 1
         t_next = (1 + (1 + 4 * t * t) ** 0.5) / 2
         tried = yield from hold_progress(progress, step_from(now, last, (t - 1) / t_next))
         if tried.f > now.f and t > 1:  # the momentum overshoots
@@ -211,7 +219,7 @@ def sharpen(
     before, after = (tuple(map(_quality, lookers, one.errors, covers)) for one in (first, now))
     yield 1.0
     light = np.ascontiguousarray(np.moveaxis(now.x, 0, 2), np.float32)
-    return Sharpened(light, n, before, after)
+    return Sharpened(light, n_steps, before, after)
 
 
 def _quality(looker: Looker, error: Floats, cover: Floats) -> SeenQuality | None:

@@ -590,6 +590,9 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
     if dice.chance(0.3):
         thing.kiriko.use_resolution = True
         thing.kiriko.resolution = (dice.pixels(), dice.pixels())
+    own = dice.rng.spawn(1)[0]  # other settings keep their random numbers
+    if own.random() < 0.1:
+        thing.kiriko.pupil, thing.kiriko.use_dof = 10 ** own.uniform(-1, 3), own.random() < 0.3
 
     render = scene.render
     render.resolution_x = dice.pixels()
@@ -681,6 +684,7 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
     ours.only_through_plate = dice.chance(0.7)
     ours.brightness = dice.chance(0.3)
     ours.suppress_glare = dice.log(1e-3, 1) if dice.chance(0.3) else 0
+    ours.sharpen = dice.rng.spawn(1)[0].random() < 0.1
     ours.ghosts = "STRONGEST" if dice.chance(0.2) else "MEAN"
     ours.margin = dice.pick((0, 0, 1, 1024)) if not dice.is_tame else 0
 

@@ -37,6 +37,9 @@ PLACES = {
         "KirikoRig.disagreement", "KirikoViewer.image", "kiriko.visible_range",
         "kiriko.remove_visible_range",
     ),
+    "bench.md#pupil": (
+        "KirikoObject.pupil", "KirikoObject.use_dof", "KirikoRig.sharpen",
+    ),
     "bench.md#drawing": ("kiriko.bench_drawing",),
     "bench.md#paths": ("kiriko.draw_light_paths",),
     "bench.md#plate": ("kiriko.simulate", "kiriko.go_without_plate"),

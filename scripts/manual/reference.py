@@ -51,7 +51,9 @@ SECTIONS: tuple[tuple[str | dict[str, str], tuple[str, ...]], ...] = (
     )),
     ("viewers", (
         "KirikoViewer.is_on", "KirikoViewer.weight", "kiriko.move_viewer", "KirikoRig.viewer",
-        "KirikoViewer.camera", "KirikoObject.use_resolution", "kiriko.add_viewer",
+        "KirikoViewer.camera", "KirikoObject.use_resolution", "KirikoObject.use_dof",
+        "KirikoObject.pupil",
+        "kiriko.add_viewer",
         "kiriko.remove_viewer", "kiriko.two_eyes", "kiriko.viewer_grid",
         "KirikoRig.disagreement", "KirikoRig.picture_source", "KirikoRig.picture_image",
         "KirikoViewer.image", "kiriko.open_pictures", "kiriko.render_pictures",
@@ -75,7 +77,8 @@ SECTIONS: tuple[tuple[str | dict[str, str], tuple[str, ...]], ...] = (
         "KirikoCalibration.crossing", "KirikoCalibration.mirror", "KirikoCalibration.noise",
     )),
     ("advanced", (
-        "KirikoRig.brightness", "KirikoRig.ghosts", "KirikoRig.only_through_glass",
+        "KirikoRig.brightness", "KirikoRig.sharpen", "KirikoRig.ghosts",
+        "KirikoRig.only_through_glass",
         "KirikoRig.only_through_plate", "KirikoRig.suppress_glare", "KirikoRig.margin",
         "KirikoRig.max_events", "kiriko.remove_rig",
     )),

@@ -1,7 +1,5 @@
 """A viewer's pupil against Cycles with depth of field."""
 
-from dataclasses import replace
-
 import bpy
 import numpy as np
 import pytest
@@ -87,7 +85,6 @@ def test_the_seen_image_is_that_of_cycles_with_depth_of_field(kiriko, scene, pup
         render = render_preview(scene, reading, solution.source, samples=256, fresnel=False)
         render = render[..., :3]
         seen = run_steps(solution.seeing_with_pupil(solution.source))
-        print(pupil, is_on, rms(render, seen), rms(render, solution.seen()), solution.sharpened and (solution.sharpened.before, solution.sharpened.after, solution.sharpened.n_steps), len(solution.views[0].batches or ()), rms(render, ideal, inside))
         assert rms(render, seen) < 0.008
         if pupil > 10:
             assert rms(render, seen) < rms(render, solution.seen()) / 3

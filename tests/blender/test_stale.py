@@ -120,6 +120,7 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "effort": lambda rig: setattr(ours(), "effort", 25),
     "margin": lambda rig: setattr(ours(), "margin", 1),
     "brightness": lambda rig: setattr(ours(), "brightness", True),
+    "sharpen": lambda rig: setattr(ours(), "sharpen", True),
     "glare": lambda rig: setattr(ours(), "suppress_glare", 0.5),
     "ghosts": lambda rig: setattr(ours(), "ghosts", "STRONGEST"),
     "through glass": lambda rig: setattr(ours(), "only_through_glass", False),

@@ -175,6 +175,13 @@ class KirikoRig(bpy.types.PropertyGroup):
         description="Brighten parts of the picture dimmed by the surfaces in the light's path",
         default=False,
     )
+    sharpen: BoolProperty(
+        name="Sharpen",
+        description="Change the source image until every viewer sees it as close to the picture as"
+        " possible, through the blur of its pupil and of the display's pixels; takes several times"
+        " as long",
+        default=False,
+    )
     margin: IntProperty(
         name="Margin",
         description="Extra pixels around the visible part of the display",

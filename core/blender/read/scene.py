@@ -177,7 +177,8 @@ def scene_notes(
     notes += [
         Message("Kiriko ignores the depth of field of '{viewer}'.", viewer=camera.name)
         for camera in cameras
-        if camera.type == "CAMERA" and camera.data.dof.use_dof and not camera.original.kiriko.use_dof
+        if camera.type == "CAMERA" and camera.data.dof.use_dof
+        if not camera.original.kiriko.use_dof
     ]
 
     return notes

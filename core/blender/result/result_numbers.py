@@ -50,6 +50,7 @@ def numbers_of(
         "plate": None if solution.first.plate is None else asdict(solution.first.plate),
         "glare": None if solution.first.glare is None else solution.first.glare._asdict(),
         "split": None if solution.first.split is None else solution.first.split._asdict(),
+        "sharpened": solution.sharpened and solution.sharpened.figures,
         "tolerance": tolerance,
         "map_error": asdict(solution.first.map_error),
         "total_seconds": sum(solution.seconds.values()),

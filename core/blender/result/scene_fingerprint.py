@@ -71,6 +71,8 @@ def scene_now(
     drawn = read_drawn(depsgraph, scene, notes)
     offset = scene.kiriko.calibration.offset
     rig = drawn.rig if offset else _in_any_order(drawn.rig)
+    if not settings.sharpen:  # the source image does not depend on pupils
+        rig = replace(rig, viewers=tuple(one.pinhole for one in rig.viewers))
     if not has_pixels:
         rig = replace(rig, pictures=tuple(one.place for one in rig.pictures))
     things = [_thing(part, notes, cache) for _, part in rig.parts()]
