@@ -361,8 +361,7 @@ class Session:
 
         for one, _ in to_be_covered:
             check_seen(one.picture, one.viewer)
-        self._placed = placed
-        self._shown = Shown(placed, pyramids, settings, light)
+        self._placed, self._shown = placed, Shown(placed, pyramids, settings, light)
         if show is not None and (to_be_covered or to_be_measured):
             show(source)
 
