@@ -53,7 +53,7 @@ def files_of(
     tiles of a quilt.
     """
     if quilt is not None:
-        path = quilt_name(path, quilt.tiling, (sections[0].width, sections[0].height))
+        path = quilt_name(path, quilt.tiling, quilt.aspect)
     if len(sections) < 2:
         return dict.fromkeys(sections, path)
     names = (bpy.path.clean_name(section.name) for section in sections)

@@ -23,11 +23,10 @@ ROWS_AT_ONCE = 64
 MOST_PIXELS = 1 << 28  # of an interlaced image
 
 
-def quilt_name(path: Path, tiling: Size, size: Size) -> Path:
-    """The path with the name players read, for a quilt of a size (width, height) px."""
+def quilt_name(path: Path, tiling: Size, aspect: float) -> Path:
+    """The path with the name players read; the aspect is the display's width over its height."""
     columns, rows = tiling
-    aspect = (size[0] / columns) / (size[1] / rows)
-    return path.with_stem(f"{MARK.sub('', path.stem)}_qs{columns}x{rows}a{aspect:g}")
+    return path.with_stem(f"{MARK.sub('', path.stem)}_qs{columns}x{rows}a{aspect:.5g}")
 
 
 def view_name(path: Path, view: int, n: int) -> Path:

@@ -28,22 +28,35 @@ def beams(plan: Plan, landings: Landings) -> Floats | None:
     return display.views.beam(slope, place)
 
 
-def in_quilt(
-    plan: Plan, landings: Landings, is_seen: Bools, pixel: Ints, dither: Floats | float = 0.0
-) -> tuple[Bools, Ints]:
-    """Which landings (n,) are in a view, and their pixels of the source image: the quilt, if the
-    display has views.
+def quilt_places(plan: Plan, landings: Landings, dither: Floats | float = 0.0) -> Floats:
+    """Places (n, 2), px, of landings on the source image; NaN outside the cone of the views.
 
-    is_seen, pixel : (n,) on the image of one view, as from `Landings.pixels`
     dither : (n, 2) from -1/2 to 1/2, at random, for views that overlap: each ray takes one of them
         with the chance of its weight
     """
-    views = plan.rig.display.views
+    display = plan.rig.display
+    views = display.views
     if views is None:
-        return is_seen, pixel
+        return landings.xy
     beam = np.floor(beams(plan, landings) + views.overlap * dither + 0.5)
     with np.errstate(invalid="ignore"):
-        is_seen = is_seen & ((beam >= 0) & (beam < [views.columns, views.rows])).all(axis=1)
-    column, row = np.where(is_seen[:, None], beam, 0).astype(np.int64).T
-    shown = views.in_quilt(pixel, row * views.columns + column, plan.rig.display.size)
-    return is_seen, np.where(is_seen, shown, 0)
+        is_in = ((beam >= 0) & (beam < [views.columns, views.rows])).all(axis=1)
+    column, row = np.where(is_in[:, None], beam, 0).astype(np.int64).T
+    corner = np.stack(views.tile(row * views.columns + column, display.size), axis=1)
+    return np.where(is_in[:, None], landings.xy + corner, np.nan)
+
+
+def in_quilt(
+    plan: Plan, landings: Landings, is_seen: Bools, pixel: Ints, dither: Floats | float = 0.0
+) -> tuple[Bools, Ints]:
+    """Which landings (n,) are in a view, and their pixels of the source image.
+
+    is_seen, pixel : (n,) on the image of one view, as from `Landings.pixels`
+    dither : as for `quilt_places`
+    """
+    if plan.rig.display.views is None:
+        return is_seen, pixel
+    xy = quilt_places(plan, landings, dither)
+    is_seen = is_seen & np.isfinite(xy[:, 0])
+    column, row = np.where(is_seen[:, None], xy, 0).astype(np.int64).T
+    return is_seen, row * plan.rig.display.image_size[0] + column

@@ -7,10 +7,11 @@ Brightness is omitted without a source.
 """
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, radians
 
 from .dispersion import AbbeIndex, Index, PowerIndex, SellmeierIndex
 from .mirror_array import MirrorArray
+from .views import Views
 
 INCH = 0.0254  # m
 
@@ -30,14 +31,15 @@ class PlateProduct:
 
 @dataclass(frozen=True)
 class DisplayProduct:
-    """A display in landscape orientation.
+    """A display in landscape orientation, unless it has views.
 
     Parameters
     ----------
     kind : the heading in the product list
     size : (width, height) in m of the active area
-    pixels : (width, height)
+    pixels : (width, height), of one view
     luminance : cd/m^2 of white, by its maker; None if not published
+    views : of a light-field display; None for others
     """
 
     name: str
@@ -46,6 +48,7 @@ class DisplayProduct:
     pixels: tuple[int, int]
     luminance: float | None
     source: str
+    views: Views | None = None
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,21 @@ def _by_diagonal(
 ) -> DisplayProduct:
     """A display whose maker only gives its diagonal; pixels are square."""
     return _by_density(name, kind, pixels, hypot(*pixels) / inches, None, source)
+
+
+def _light_field(
+    name: str, panel: tuple[int, int], per_inch: float, tile: tuple[int, int],
+    views: tuple[int, float], source: str,
+) -> DisplayProduct:  # fmt: skip
+    """A Looking Glass with the tiles of its default quilt: so many views, over a cone in degrees.
+
+    Pixels of the panel and their density are those of the calibration templates of Looking Glass
+    Bridge 2.4.10, as listed in horinoh's repository LookingGlass.
+    """
+    size = INCH * panel[0] / per_inch, INCH * panel[1] / per_inch
+    n, cone = views
+    shown = Views(n, cone=(radians(cone), 0.0))
+    return DisplayProduct(name, "Light-Field Displays", size, tile, None, source, shown)
 
 
 PLATES = {
@@ -160,6 +178,26 @@ DISPLAYS = {
             "Samsung QM55R", "Signage", (3840, 2160), 54.6,
             "we found no data sheet; size from the diagonal of 55-inch panels, whose EDIDs give"
             " 1210 x 680 mm",
+        ),
+        _light_field(
+            "Looking Glass Go", (1440, 2560), 491, (372, 682), (66, 54),
+            "Bridge 2.4.10's template; cone: Bridge's report in quiltwright 0.16",
+        ),
+        _light_field(
+            "Looking Glass Portrait", (1536, 2048), 324, (420, 560), (48, 40),
+            "Bridge 2.4.10's template; cone: HoloPlay Core's report, 0.698 rad",
+        ),
+        _light_field(
+            "Looking Glass 16", (3840, 2160), 283, (960, 720), (48, 50),
+            "Bridge 2.4.10's template; cone: Bridge's report in quiltwright 0.16",
+        ),
+        _light_field(
+            "Looking Glass 32", (7680, 4320), 280, (1170, 1170), (49, 35),
+            "Bridge 2.4.10's template; quilt: quiltwright 0.16; cone: the maker's default",
+        ),
+        _light_field(
+            "Looking Glass 65", (7680, 4320), 136, (1024, 910), (72, 35),
+            "Bridge 2.4.10's template; quilt: quiltwright 0.16; cone: the maker's default",
         ),
     )
 }  # fmt: skip

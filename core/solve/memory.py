@@ -132,7 +132,8 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
 
 def _n_pixels(part: Viewer | Display) -> float:
     """Pixels of a viewer's or a display's image."""
-    return float(part.width) * part.height
+    width, height = part.image_size
+    return float(width) * height
 
 
 def check_memory(
@@ -185,13 +186,16 @@ def _remedies(rig: Rig, settings: Settings) -> dict[str, Message]:
     display = rig.display
     viewer = max(rig.viewers, key=_n_pixels)
     picture = rig.picture_place
+    lower = Message(
+        "lower the resolution of the display '{display}' ({width} x {height})",
+        display=display.name,
+        width=display.width,
+        height=display.height,
+    )
+    if display.views is not None:
+        lower = Message("{remedy}, or use fewer than {n} views", remedy=lower, n=display.views.n)
     return {
-        "display": Message(
-            "lower the resolution of the display '{display}' ({width} x {height})",
-            display=display.name,
-            width=display.width,
-            height=display.height,
-        ),
+        "display": lower,
         "viewer": Message(
             "lower the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
             viewer=viewer.name,

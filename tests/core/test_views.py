@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
 from kiriko.core.image.source_image import splat
 from kiriko.core.lab.measure.viewer_errors import conflict_in_light
@@ -16,6 +17,7 @@ from kiriko.core.native import loading
 from kiriko.core.rig.rig import Display, Picture, Rig, Viewer
 from kiriko.core.rig.settings import Settings
 from kiriko.core.rig.views import Views
+from kiriko.core.solve.view_remarks import view_figures
 from known.reference_rigs import ball_rig, rectangle
 from known.work import drain, solve
 
@@ -188,7 +190,7 @@ def test_light_outside_the_cone_is_lost_and_reported():
     assert found.channels[1].misses == {"outside the cone of the views": pytest.approx(1.0)}
 
 
-def test_refusals():
+def test_refusals(monkeypatch):
     """Impossible numbers, a bent display and several displays are refused in one sentence."""
     good = bare_rig((camera((0, 0, 0.5)),), Views(4, cone=CONE))
 
@@ -203,6 +205,41 @@ def test_refusals():
     refused(Views(4, cone=CONE, distance=0.0), "Distance")
     mesh = good.displays[0].mesh
     refused(Views(4, cone=CONE), "not one flat rectangle", mesh=replace(mesh, uv=mesh.uv * 0.5))
+    monkeypatch.setattr(free_memory, "available", lambda: 2e8)
+    refused(Views(45, cone=CONE), "fewer than 45 views", width=1000, height=1000)
+    monkeypatch.undo()
     other = replace(good.displays[0], mesh=rectangle(np.eye(3)[0], *np.eye(3)[::2], 0.1, 0.1))
     with pytest.raises(RigError, match="only display"):
         solve(replace(good, displays=(*good.displays, other)))
+
+
+@pytest.mark.parametrize(("depth", "n"), [(0.0, 9), (0.1, 9), (0.1, 45)])
+def test_disparity_of_a_picture_behind_the_window(depth, n):
+    """A point d behind a display moves on it by d / (D + d) of the eye's way at the distance D, and
+    neighbouring views are D times their tangents' distance apart.
+    """
+    views = Views(n, 1, CONE, distance=0.5)
+    found = solve(bare_rig((camera((0.01, 0, 0.5)),), views, depth=depth))
+    (figures,) = view_figures(found.channels)
+    wanted = depth / (0.5 + depth) * 0.5 * views.spacing[0] / 0.05 * 48
+    assert figures.disparity == pytest.approx(wanted, rel=1e-3, abs=1e-6)
+    assert figures.outside == 0
+    assert any("look doubled" in text for text in found.notes) == (wanted > 5)
+
+
+def test_crosstalk_is_the_light_of_shared_pixels():
+    """Two viewers that need the same pixels share all of their light: half of each pixel's weight
+    is the other's. As many views as separate them leave none, and overlap gives some back.
+    """
+
+    def crosstalk(views):
+        return [one.crosstalk for one in view_figures(solve(two_viewers(views)).channels)]
+
+    wide = np.radians(80.0), 0.0
+    assert max(crosstalk(Views(45, cone=wide))) < 1e-12
+    few, some = (max(crosstalk(Views(8, cone=wide, overlap=overlap))) for overlap in (0, 1))
+    assert 0.05 < few < some < 0.5
+    image = np.ones((4, 4, 4))
+    same = camera((0, 0, 0.5)), camera((1e-9, 0, 0.5), name="same")
+    shared = view_figures(solve(bare_rig(same, Views(3, cone=CONE), image)).channels)
+    assert [one.crosstalk for one in shared] == pytest.approx([0.5, 0.5])

@@ -20,6 +20,7 @@ from ..materials.material import is_refractive, material_output, read_refraction
 from ..read.elements import DEFAULT_IOR, give_mirrors, mirrors
 from ..read.layout import give_size, size_of
 from ..read.resize import RESIZED_WITHIN, give_side, has_side
+from ..read.role_display import give_views
 from .inspect_scene import each_material, evaluated, materials_as_shown
 
 SAME_NUMBER = 1e-5  # relative: numbers in single precision are closer
@@ -109,7 +110,7 @@ def give_display(
 
     is_upright : the longer side goes up, along the UV map's v
     """
-    turn = -1 if is_upright else 1
+    turn = -1 if is_upright and product.views is None else 1
     size, pixels = product.size[::turn], product.pixels[::turn]
     metres = length_of_unit(context.scene)
     size_text = Message(
@@ -127,6 +128,7 @@ def give_display(
         given = _given(display, product.name, size_text, pixels=pixels_text)
 
     display.kiriko.resolution = pixels
+    give_views(display.kiriko.views, product.views)
     if product.luminance is not None:
         display.kiriko.display.white = product.luminance
     return given
@@ -135,7 +137,13 @@ def give_display(
 def display_product(context: bpy.types.Context, display: bpy.types.Object) -> DisplayProduct | None:
     """The product with a display's resolution and size; None if there is none."""
     pixels = tuple(display.kiriko.resolution)
-    alike = [p for p in DISPLAYS.values() if pixels in (p.pixels, p.pixels[::-1])]
+    views = display.kiriko.views
+    n = views.columns * views.rows if views.use else 1
+    alike = [
+        p
+        for p in DISPLAYS.values()
+        if pixels in (p.pixels, p.pixels[::-1]) and n == (1 if p.views is None else p.views.n)
+    ]
     if not alike:
         return None
 

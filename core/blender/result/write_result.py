@@ -24,6 +24,7 @@ from ..data.image import (
     pixels_from_image,
     set_pixels,
 )
+from ..data.rectangle import flat_size
 from ..data.rigs import all_settings, name_for
 from ..data.stored_records import Sentences, StoredNumbers, fields_of, text_of
 from ..read.scene import Reading
@@ -37,16 +38,17 @@ QUILT = "kiriko_quilt"  # on an image of views: the numbers of `Quilt`
 
 
 class Quilt(NamedTuple):
-    """Columns and rows of an image's tiles, and rows of views."""
+    """Columns and rows of an image's tiles, rows of views, and width over height of the display."""
 
-    across: int
-    down: int
-    rows: int
+    across: float
+    down: float
+    rows: float
+    aspect: float
 
     @property
     def tiling(self) -> tuple[int, int]:
         """Columns and rows of the tiles."""
-        return self.across, self.down
+        return int(self.across), int(self.down)
 
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
@@ -109,8 +111,11 @@ def quilt_in(image: bpy.types.Image) -> Quilt | None:
 
 def quilt_of(rig: Rig) -> Quilt | None:
     """The tiles of a rig's source image; None if its display has no views."""
-    views = rig.display.views
-    return None if views is None else Quilt(*views.tiling(rig.display.size), views.rows)
+    display = rig.display
+    if display.views is None:
+        return None
+    width, height = flat_size(display.mesh) or display.size
+    return Quilt(*display.views.tiling(display.size), display.views.rows, width / height)
 
 
 def _note_sections(image: bpy.types.Image, rig: Rig) -> None:

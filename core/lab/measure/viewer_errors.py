@@ -13,6 +13,7 @@ from ...image.inverse_lookup import mapped, plane_mapping
 from ...image.picture import cover_in_view
 from ...image.pyramid import Pyramid, pyramids_of
 from ...image.source_image import Painting, find_filter_taps
+from ...light.beams import quilt_places
 from ...light.rays import main_landings
 from ...light.trace import trace_all
 from ...rig.rig import Rig
@@ -173,13 +174,14 @@ def _on_display(channel: Channel, xy: Floats) -> Floats:
 
 
 def _landed(channel: Channel, xy: Floats) -> Floats:
-    """Display px (n, 2) on which rays through viewer px (n, 2) land; NaN for none."""
+    """Source image px (n, 2) on which rays through viewer px (n, 2) land; NaN for none."""
     landed = np.full(xy.shape, np.nan)
     known = np.flatnonzero(np.isfinite(xy).all(axis=1))
     if len(known):
         landings = trace_all(channel.plan, *channel.viewer.rays(xy[known]))
         landings = main_landings(landings, len(known))
-        landed[known] = np.where(landings.has_arrived[:, None], landings.xy, np.nan)
+        xy = quilt_places(channel.plan, landings)
+        landed[known] = np.where(landings.has_arrived[:, None], xy, np.nan)
     return landed
 
 

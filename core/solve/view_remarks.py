@@ -1,0 +1,130 @@
+"""Figures of a display with views, and remarks on them: light outside the cone, cross-talk between
+viewers, and the disparity of neighbouring views.
+
+*Cross-talk* is the part of a viewer's light whose pixels other viewers need, too: each share of
+light counts by the others' part of its pixel's weight. A point of the picture off the display moves
+on the display from one view to the next, by its *disparity*. Lens sheets blend neighbouring views,
+so it is seen double if this is too large. "Roughly 4-5 px is the practical ceiling; beyond ~8 px
+expect visible ghosting" (E. G. Suchanek, quiltwright 0.16, documentation of `view_disparity`,
+2026).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+
+from ..base.arrays import Floats
+from ..base.messages import Message, joined
+from ..base.numbers import number
+from ..base.words import percent
+from ..image.flat_picture import flat_mapping, view_of_picture
+from ..light.beams import beams
+from ..light.rays import REASON_WORDS, Reason, main_landings
+from ..light.trace import trace_all
+from ..rig.viewer import Viewer
+from .accuracy import LEAST_LOST
+from .channel import Channel
+from .solution import Remark, note, warning
+
+MOST_CROSSTALK = 0.05  # the mark of issue 58; 3D displays are judged good below it
+SOFT_PX, GHOSTS_PX = 5.0, 8.0  # source above
+POINTS = (np.stack(np.meshgrid(*2 * [np.arange(5)]), axis=-1).reshape(-1, 2) + 0.5) / 5
+STEP = 1e-3  # of the viewer's distance from the picture, between two places of a viewer
+
+
+@dataclass(frozen=True)
+class ViewFigures:
+    """Figures of a viewer of a display with views.
+
+    outside : part of the picture, as seen, whose light is outside the cone
+    crosstalk : part of the light in pixels that other viewers need
+    disparity : display px, largest among points of the picture; None if none was found
+    """
+
+    viewer: str
+    outside: float
+    crosstalk: float
+    disparity: float | None
+
+
+def view_figures(channels: Sequence[Channel]) -> tuple[ViewFigures, ...]:
+    """Figures of each channel; none for a display without views."""
+    if channels[0].plan.rig.display.views is None:
+        return ()
+    weights = [one.viewer.weighed(one.coverage.weight) for one in channels]
+    total = reduce(np.add, weights)
+    divisor = np.where(total > 0, total, 1.0)
+    return tuple(
+        ViewFigures(
+            channel.viewer.name,
+            channel.misses.get(REASON_WORDS[Reason.OUTSIDE_CONE], 0.0),
+            float(1 - (own * own / divisor).sum() / max(own.sum(), 1e-300)),
+            disparity(channel),
+        )
+        for channel, own in zip(channels, weights, strict=True)
+    )
+
+
+def disparity(channel: Channel) -> float | None:
+    """Largest movement of points of the picture on the display from one view to the next, px.
+
+    It is the derivative by the viewer's place, sideways, of landings over that of their views.
+    """
+    viewer, place = channel.viewer, channel.plan.rig.picture_place
+    if place.mesh is None or flat_mapping(place, viewer) is None:
+        return None
+    away = np.linalg.norm(place.mesh.bounds.mean(axis=0) - viewer.position)
+    found = [_landed(channel, _aside(viewer, side * STEP * away)) for side in (-0.5, 0.5)]
+    (xy, beam, branch), (other_xy, other_beam, other_branch) = found
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moved = np.linalg.norm(other_xy - xy, axis=1) / np.abs(other_beam - beam)[:, 0]
+    known = moved[np.isfinite(moved) & (branch == other_branch) & (branch != 0)]
+    return float(known.max()) if len(known) else None
+
+
+def _aside(viewer: Viewer, by: float) -> Viewer:
+    return replace(viewer, position=viewer.position + by * viewer.axes[0])
+
+
+def _landed(channel: Channel, viewer: Viewer) -> tuple[Floats, Floats, np.ndarray]:
+    """Landings, beams and branches of POINTS of the picture, for a viewer elsewhere."""
+    straight = view_of_picture(channel.plan.rig.picture_place, viewer, POINTS)
+    found = main_landings(trace_all(channel.plan, *viewer.rays(straight)), len(straight))
+    return found.xy, beams(channel.plan, found), found.branch
+
+
+def remarks_on_views(channels: Sequence[Channel]) -> Iterator[Remark]:
+    """Remarks on a display with views; none for any other."""
+    figures = view_figures(channels)
+    for one in figures:
+        if one.outside > LEAST_LOST:
+            yield warning(
+                "'{viewer}' loses {share} of the picture outside the cone of the views: widen the"
+                " cone, or turn the display to the light.",
+                viewer=one.viewer,
+                share=percent(one.outside),
+            )
+    if len(figures) > 1:
+        worst = max(figures, key=lambda one: one.crosstalk)
+        clauses = [
+            Message("'{name}' {share}", name=one.viewer, share=percent(one.crosstalk))
+            for one in figures
+        ]
+        yield note("Cross-talk by viewer: {shares}.", shares=joined(clauses, ", "))
+        if worst.crosstalk > MOST_CROSSTALK:
+            yield warning(
+                "'{viewer}' shares {share} of its light with other viewers: use more views, less"
+                " Overlap, or viewers further apart.",
+                viewer=worst.viewer,
+                share=percent(worst.crosstalk),
+            )
+    largest = max((one.disparity for one in figures if one.disparity is not None), default=0.0)
+    if largest > SOFT_PX:
+        text = Message(
+            "The picture moves by up to {n} display pixels from one view to the next, so it may"
+            " look doubled: use more views, a narrower cone, or a display nearer to the picture.",
+            n=number(largest),
+        )
+        yield Remark(text, is_warning=largest > GHOSTS_PX)
