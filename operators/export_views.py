@@ -111,7 +111,7 @@ class KIRIKO_OT_export_interlaced(OfQuilt, bpy.types.Operator):
     )
     slope: bpy.props.FloatProperty(
         name="Slope",
-        description="Rise of the lenses for each unit to the right",
+        description="Drop of a lens for each unit to the right",
         default=-7.0,
         precision=5,
     )

@@ -48,7 +48,7 @@ class LensSheet:
     side by side, as in a Looking Glass's calibration (visual.json).
 
     pitch : lenses an inch, across them
-    slope : of the lenses, rise over run; its sign is their direction
+    slope : drop of a lens for each unit to the right
     centre : phase of the lenses at the lower left corner, in lenses
     per_inch : pixels an inch
     width, height : px of the panel

@@ -181,23 +181,23 @@ DISPLAYS = {
         ),
         _light_field(
             "Looking Glass Go", (1440, 2560), 491, (372, 682), (66, 54),
-            "Bridge 2.4.10's template; cone: Bridge's report in quiltwright 0.16",
+            "Bridge 2.4.10; cone: quiltwright 0.16",
         ),
         _light_field(
             "Looking Glass Portrait", (1536, 2048), 324, (420, 560), (48, 40),
-            "Bridge 2.4.10's template; cone: HoloPlay Core's report, 0.698 rad",
+            "Bridge 2.4.10; cone: HoloPlay Core",
         ),
         _light_field(
             "Looking Glass 16", (3840, 2160), 283, (960, 720), (48, 50),
-            "Bridge 2.4.10's template; cone: Bridge's report in quiltwright 0.16",
+            "Bridge 2.4.10; cone: quiltwright 0.16",
         ),
         _light_field(
             "Looking Glass 32", (7680, 4320), 280, (1170, 1170), (49, 35),
-            "Bridge 2.4.10's template; quilt: quiltwright 0.16; cone: the maker's default",
+            "Bridge 2.4.10; quilt: quiltwright 0.16; cone: the maker's default",
         ),
         _light_field(
             "Looking Glass 65", (7680, 4320), 136, (1024, 910), (72, 35),
-            "Bridge 2.4.10's template; quilt: quiltwright 0.16; cone: the maker's default",
+            "Bridge 2.4.10; quilt: quiltwright 0.16; cone: the maker's default",
         ),
     )
 }  # fmt: skip

@@ -27,6 +27,7 @@ from .disagreement import is_sharp
 from .lateral_colour import Distances, LateralColour
 from .solution import Remark, note, warning
 from .tessellation import Tessellation
+from .view_remarks import remarks_on_views
 
 # This many edges between flat faces that meet at less than ROUND make a curved surface.
 FACETTED = 64
@@ -234,6 +235,7 @@ def remarks_on(
     plan = channels[0].plan
     remarks += _on_disagreement(plan.rig, plan.settings)
     remarks += _on_colour(colour)
+    remarks += remarks_on_views(channels)
     return tuple(remarks)
 
 

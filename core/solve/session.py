@@ -56,7 +56,6 @@ from .remarks import remarks_on, remarks_on_displays
 from .sharpening import SHARPENING, Sharpener
 from .solution import Solution
 from .through_pupil import PupilViews, views_of
-from .view_remarks import remarks_on_views
 
 PAINTED = 0.4  # progress of a solve that sharpens once the image is painted
 
@@ -386,9 +385,7 @@ class Session:
             n_rays=n_rays,
             used=channels[0].plan.used + ((MAP_EACH,) if channels[0].colours else ()),
             left_out=channels[0].plan.left_out + _left_out(is_new, placed.channels, colour),
-            remarks=remarks_on(channels, light, colour)
-            + remarks_on_displays(rig, by_display)
-            + tuple(remarks_on_views(channels)),
+            remarks=remarks_on(channels, light, colour) + remarks_on_displays(rig, by_display),
             colour=colour,
             by_display=by_display[0] if by_display else (),
             settled=placed.settled,
