@@ -24,7 +24,7 @@ from ..core.blender.result.result_numbers import write_ladder
 from ..core.files import disk, image_io
 from ..core.image.simulation import plate_view
 from ..core.lab.atlas.heads import check_viewer
-from ..core.lab.measure import head_box, head_range
+from ..core.lab.measure import head_box, head_range, sharpness
 from ..core.lab.measure import two_eyes as pairs
 from ..core.lab.measure.cost_report import (
     NAMES,
@@ -38,7 +38,8 @@ from ..core.lab.measure.cost_report import (
 )
 from ..core.lab.measure.head_range import LEAST, LIMIT, Walk
 from ..core.lab.measure.two_eyes import pair_of, two_eyes
-from ..core.lab.measure.viewer_errors import sharpness, viewer_reports
+from ..core.lab.measure.viewer_errors import sharpness as edge_sharpness
+from ..core.lab.measure.viewer_errors import viewer_reports
 from ..core.lab.measure.work_precision import BUDGET, Ladders, WorkPrecision, measure
 from ..core.light.mesh_cache import MeshCache
 from ..core.rig.rig import Plate, Rig
@@ -77,6 +78,8 @@ class ReportExtras:
         yield from lines(scene, self.of_viewers)
         if self.no_pair is not None and "no_pair" not in self.of_viewers:
             yield self.no_pair
+        for one in self.numbers.get("sharpness", ()):
+            yield sharpness.in_words(one)
         if {"eye_box", "head_box"} & self.numbers.keys():
             yield from of_blended(scene)
 
@@ -125,6 +128,7 @@ def extra_names(rig: Rig) -> tuple[str, ...]:
         (check_head, head_range.FILE),
         (check_pair, pairs.FILE),
         (head_box.check_box, head_box.FILE),
+        (sharpness.check_pupils, sharpness.FILE),
     )
     return tuple(name for check, name in found if _has(check, rig))
 
@@ -140,7 +144,14 @@ def find_extras(
     parts = (
         ("eye_box", "Eye Box", _has(check_head, rig), eye_box_of(context, rig, limit, least), 0.6),
         ("two_eyes", "Two Eyes", _has(check_pair, rig), _two_eyes_of(context, rig), 0.7),
-        ("head_box", "Head Box", _has(head_box.check_box, rig), _head_box_of(context, rig), 0.9),
+        ("head_box", "Head Box", _has(head_box.check_box, rig), _head_box_of(context, rig), 0.88),
+        (
+            "sharpness",
+            "Sharpness",
+            _has(sharpness.check_pupils, rig),
+            _sharpness_of(context, rig),
+            0.9,
+        ),
         ("viewers", "Viewers", len(rig.viewers) > 1, _seen_by_each(context, rig, found), 0.93),
         ("disagreement", "Disagreement", _has_several(rig), ways_to_settle(context, rig), 1.0),
     )
@@ -191,6 +202,16 @@ def _two_eyes_of(
     return pairs.as_data(eyes), {pairs.FILE: pairs.as_svg(rig, eyes)}
 
 
+def _sharpness_of(
+    context: bpy.types.Context, rig: Rig
+) -> Generator[float, None, tuple[list[dict[str, Any]], dict[str, str]]]:
+    """Figures and a drawing of the sharpness through pupils; yields progress 0..1."""
+    plan = work.session().plan(rig, work.settings_of(context.scene))
+    found = yield from sharpness.sharpness_of(plan)
+    figures = [one.as_data() for one in found]
+    return figures, {sharpness.FILE: sharpness.as_svg(rig, found)}
+
+
 def _head_box_of(
     context: bpy.types.Context, rig: Rig
 ) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
@@ -215,9 +236,9 @@ def ways_to_settle(
     ways = get_args(Disagreement)
     of_ways = {}
     for k, way in enumerate(ways):
-        settings = replace(work.settings_of(context.scene), disagreement=way)
+        settings = replace(work.settings_of(context.scene), disagreement=way, sharpen=False)
         start, half, end = ((k + part) / len(ways) for part in (0.0, 0.5, 1.0))
-        sharp = yield from subprogress(sharpness(session, rig, settings), start, half)
+        sharp = yield from subprogress(edge_sharpness(session, rig, settings), start, half)
         of_viewer = {viewer.name: mtf for viewer, mtf in zip(rig.viewers, sharp, strict=True)}
         solution = yield from subprogress(session.solve(rig, settings), half, end)
         reports = yield from subprogress(viewer_reports(solution), end, end)
@@ -352,7 +373,7 @@ def measured(
 
         steps = measure(
             rig,
-            work.settings_of(context.scene),
+            replace(work.settings_of(context.scene), sharpen=False),
             ladders=Ladders(budget=budget),
             read=lambda: work.read(context),
             write=save if _can_write() else None,

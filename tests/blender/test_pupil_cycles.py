@@ -90,3 +90,48 @@ def test_the_seen_image_is_that_of_cycles_with_depth_of_field(kiriko, scene, pup
             assert rms(render, seen) < rms(render, solution.seen()) / 3
         errors[is_on] = rms(render, ideal, inside)
     assert 20 * np.log10(errors[False] / errors[True]) >= 2
+
+
+def test_a_report_has_the_sharpness_of_a_pupil(kiriko, scene):
+    """Figures, a drawing and a sentence; a rig without pupils has none of them."""
+    from kiriko.core.base.steps import run_steps
+    from kiriko.core.lab.measure.sharpness import FILE, in_words
+    from kiriko.operators import report
+
+    small_rig()
+    assert FILE not in report.extra_names(read(scene).rig)
+    viewer_of(scene).kiriko.pupil = 4.0
+    rig = read(scene).rig
+    assert FILE in report.extra_names(rig)
+    (figures,), drawings = run_steps(report._sharpness_of(bpy.context, rig))
+    assert "<circle" in drawings[FILE]
+    error = figures["mean_focus_error_dioptres"]
+    assert abs(error) < 0.1
+    assert f"{error:+.2f} dioptres from the picture" in str(in_words(figures))
+
+
+def test_the_pupil_shows_in_the_comparison_and_makes_no_result_stale(kiriko, scene):
+    """Before and After and Simulate see through it; the source image stays that of the scene."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    camera = viewer_of(scene)
+    from kiriko.operators import before_after, watch
+
+    def after():
+        from kiriko.core.base.steps import run_steps
+
+        return run_steps(before_after.comparing(bpy.context, is_for_file=True)).comparison.after
+
+    sharp = after()
+    camera.kiriko.pupil = 60.0
+    bpy.context.view_layer.update()
+    assert not watch.has_changed(bpy.context)
+    assert bpy.ops.kiriko.simulate.poll()
+    assert rms(sharp, after()) > 1e-3
+    scene.kiriko.sharpen = True
+    assert watch.has_changed(bpy.context)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert not watch.has_changed(bpy.context)
+    assert '"psnr"' in scene.kiriko.result.details
+    camera.kiriko.pupil = 50.0
+    assert watch.has_changed(bpy.context)

@@ -325,7 +325,7 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
     """
     across, up = length_of(plane_of(rig).sides)
     size = np.array([WIDTH, WIDTH * up / across])
-    picture = _embedded(rig, size)
+    picture = embedded(rig, size)
     sights = [getattr(found, name) for name in WAYS]
     scales = _scales(sights)
     titles = (
@@ -452,7 +452,7 @@ def _depth_words(sights: Sights) -> str:
     return f"depth: from {near} (nearest) to {far} (farthest)"
 
 
-def _embedded(rig: Rig, size: Floats) -> str:
+def embedded(rig: Rig, size: Floats) -> str:
     """The faded picture in its outline; the outline alone without pixels or if the UV map exceeds
     them.
     """
