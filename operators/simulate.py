@@ -38,6 +38,12 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         max=65536,
     )
 
+    diffraction: bpy.props.BoolProperty(
+        name="Diffraction",
+        description="Include the blur by diffraction at the mirrors of plates",
+        default=True,
+    )
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
@@ -67,7 +73,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         shown = pixels_from_image(source)[: rig.display.height, : rig.display.width]
         yield 0.0
         plan = work.session().plan(rig, work.settings_of(scene))
-        found = yield from simulate(plan, shown, self.samples)
+        found = yield from simulate(plan, shown, self.samples, has_diffraction=self.diffraction)
         result = scene.kiriko.result
         name = name_of_view(scene, NAME, rig)
         result.seen = image = replace_image(result.seen, name, found.image)

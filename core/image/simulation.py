@@ -20,6 +20,10 @@ N_PLATE_RAYS = 4096  # rays for estimating brightness and blur
 DERIVATIVE_STEP_PX = 0.05  # viewer px, for derivatives of the view map
 # inverse powers of the plastic number: an even sequence in a square
 EVEN_STEP = np.array([0.7548776662466927, 0.5698402909980532])
+# spread by a slit, w / p, and the share of light below: all but 0.2 % of it
+SLIT = np.linspace(-50.0, 50.0, 20001)
+SPREAD = np.cumsum(np.sinc(SLIT) ** 2)
+SPREAD /= SPREAD[-1]
 # one in so many rays is followed via the plate's faces after two for each pixel found no light
 SELDOM = 8
 
@@ -53,7 +57,11 @@ def by_path(luminance: dict[int, float]) -> dict[str, float]:
 
 
 def simulate(
-    plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0
+    plan: Plan,
+    source: NDArray[np.float32],
+    spp: int,
+    seed: int = 0,
+    has_diffraction: bool = False,
 ) -> Generator[float, None, Simulation]:
     """Follow rays from the whole viewer image through the plate's actual mirrors.
 
@@ -65,6 +73,7 @@ def simulate(
     source : (H, W, 3 or 4) the display's image, linear, row 0 at the top
     spp : rays a viewer pixel, rounded up to even: the error is estimated from the difference of two
         half images
+    has_diffraction : spread light as the plates' slits do
     """
     viewer = plan.viewer
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
@@ -87,6 +96,8 @@ def simulate(
             pixels = np.arange(first, min(first + TRACED_AT_ONCE, n))
             inside = (start[k % 2, pixels] + (k // 2) * EVEN_STEP) % 1.0
             xy = np.stack([pixels % viewer.width, pixels // viewer.width], axis=1) + inside
+            if has_diffraction and plan.arrays:
+                xy = _diffracted(plan, xy, random)
             if focus is None:
                 sent = viewer.rays(xy)
             else:
@@ -124,6 +135,30 @@ def simulate(
         luminance_error=dict(enumerate(spread.tolist())),
         spp=passes,
     )
+
+
+def _diffracted(plan: Plan, xy: Floats, random: np.random.Generator) -> Floats:
+    """Viewer px (n, 2) moved at random, as the slits of plates spread the light that arrives there.
+
+    A slit as wide as the pitch p spreads light of the wavelength w: its direction changes along the
+    mirrors' normal by x w / p with a density of sinc^2 x (Born and Wolf, Principles of Optics,
+    8.5.1). An image at the distance l from the plate is displaced by l times this. The image is in
+    the picture's plane, and l is measured along the line of sight, without glass.
+    """
+    viewer, place = plan.viewer, plan.rig.place_of(plan.viewer)
+    if place.mesh is None:
+        return xy
+    origins, directions = viewer.rays(xy)
+    away = focus_of(place, replace(viewer, focus=None)) / (directions @ viewer.axes[2])
+    at = origins + away[:, None] * directions
+    for array in plan.arrays:
+        normal = array.axes[2]
+        ahead = ((array.centre - origins) @ normal) / (directions @ normal)
+        mirrors = array.mirror_normals(origins + ahead[:, None] * directions)
+        turns = np.interp(random.random((len(xy), 2)), SPREAD, SLIT)
+        turns *= plan.settings.wavelength / array.array.pitch * (ahead - away)[:, None]
+        at += np.einsum("nk,nkj->nj", turns, mirrors)
+    return viewer.project(at)
 
 
 def _shown(

@@ -223,6 +223,12 @@ class ArrayFrame:
         along_ring = np.sin(angle)[:, None] * ring * azimuth
         return normals, along_ring
 
+    def mirror_normals(self, positions: Floats) -> Floats:
+        """Unit normals (n, 2, 3) of both directions of mirrors at places (n, 3) of the plate."""
+        normals, _ = self._mirrors(turn(self.axes[:2], positions - self.centre).T)
+        normals = np.broadcast_to(normals, (2, 2, len(positions)))
+        return np.einsum("kin,ij->nkj", normals, self.axes[:2])
+
     def _cross(self, positions: Floats, directions: Floats, layer: "_Layer") -> Crossing:
         array = self.array
         light = self._entering(positions, directions)

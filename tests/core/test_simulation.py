@@ -198,3 +198,37 @@ def test_the_standard_errors_are_how_samples_spread():
         spread = np.std([getattr(some, name) for some in found], ddof=1)
         told = np.mean([getattr(some, f"{name}_error") for some in found])
         assert 1 / 1.6 < spread / told < 1.6, name
+
+
+def test_slits_spread_light_by_their_diffraction():
+    """At 45 degrees on a plate 0.15 m behind the picture, with mirrors along its diagonals: each
+    mirror direction moves the image by x w l / p, 0.903 of the light within the first zeros
+    (twice the integral of sinc^2 to 1), half of it within 0.2705.
+    """
+    a_rig = with_mirrors(rig(NO_GLASS, ior=1.0, pixels=64), pitch=0.25e-3)
+    plan = compile_plan(a_rig, Settings())
+    xy = np.full((40000, 2), 32.0)
+    moved = simulation._diffracted(plan, xy, np.random.default_rng(0)) - xy
+    metres = moved * 0.05 / 64 * [1, -1]  # of the picture's plane at 1 m, right and up
+    unit = plan.settings.wavelength * 0.15 / 0.25e-3
+    # normals (x +- (y + z) / sqrt 2) / sqrt 2 of the plate, as seen along y
+    seen = np.array([[0.5**0.5, 0.5], [0.5**0.5, -0.5]])
+    x = np.abs(metres @ np.linalg.inv(seen)) / unit
+    assert (x < 1).mean(axis=0) == pytest.approx(0.9028, abs=0.006)
+    assert np.median(x, axis=0) == pytest.approx(0.2705, rel=0.02)
+    assert (x > 10).mean() == pytest.approx((1 / 10 - 1 / 50) / np.pi**2, rel=0.1)
+
+
+def test_diffraction_blurs_only_plates_of_mirrors():
+    """And keeps the mean light."""
+    source = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
+    for a_rig, is_blurred in (
+        (with_mirrors(plain_rig(pixels=48, display_pixels=64), pitch=0.1e-3), True),
+        (plain_rig(pixels=48, display_pixels=64), False),
+    ):
+        plan = compile_plan(a_rig, Settings())
+        one, other = (
+            drain(simulate(plan, source, 8, has_diffraction=is_on)) for is_on in (False, True)
+        )
+        assert (one.image != other.image).any() == is_blurred
+        assert one.image.mean() == pytest.approx(other.image.mean(), rel=0.02)
