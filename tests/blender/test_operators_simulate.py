@@ -70,7 +70,9 @@ def test_the_operator_says_how_much_is_stray(scene):
 
     for samples in (4, 64):
         text = finish(
-            module.KIRIKO_OT_simulate.steps(SimpleNamespace(samples=samples), bpy.context)
+            module.KIRIKO_OT_simulate.steps(
+                SimpleNamespace(samples=samples, diffraction=False), bpy.context
+            )
         )
         stray, error, noise = map(float, words.search(text).groups())
         # of docs' table .132 beside .863, with fewer reflections, and one more face
