@@ -14,6 +14,7 @@ from ..core.blender.data.stored_records import StoredNumbers
 from ..core.blender.properties.rig_settings import EXPORT_FORMATS
 from ..core.blender.result.write_result import Quilt, quilt_in, sections_in
 from ..core.files import disk, image_io
+from ..core.files.encoding import ENCODINGS, Curve, Encoding
 from ..core.files.quilt import quilt_name
 from ..core.rig.joined_display import Section
 from . import needed, reporting, watch
@@ -63,12 +64,14 @@ def files_of(
     }
 
 
-def gamma_of(scene: bpy.types.Scene, name: str = "") -> float | None:
-    """Gamma of the scene's display, the first or one of a name; None for sRGB."""
+def gamma_of(scene: bpy.types.Scene, name: str = "") -> Curve:
+    """Gamma or encoding of the scene's display, the first or one of a name; None for sRGB."""
     for thing in needed.parts(scene).get("DISPLAY", {}):
         if name not in {"", thing.name}:
             continue
         ours = thing.kiriko.display
+        if ours.encoding in ENCODINGS:
+            return Encoding(ours.encoding, ours.white)
         return ours.gamma if ours.encoding == "POWER" else None
     return None
 

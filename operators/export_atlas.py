@@ -24,6 +24,7 @@ from ..core.blender.data.paths import absolute
 from ..core.blender.data.stored_records import StoredNumbers
 from ..core.blender.data.units import length_of_unit
 from ..core.files import image_io
+from ..core.files.encoding import Curve
 from ..core.lab.atlas import atlas as atlas_plan
 from ..core.lab.atlas import atlas as atlases
 from ..core.lab.atlas.atlas import BYTES_A_PIXEL, CHECKED, Atlas, Making, amount
@@ -108,7 +109,7 @@ def _save_image(
     path: Path,
     pixels: NDArray[np.float32],
     size: tuple[float, float] | None,
-    gamma: float | None,
+    gamma: Curve,
 ) -> None:
     image_io.write(path, pixels, "PNG8", size=size, gamma=gamma)
 

@@ -13,7 +13,7 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ..core.blender.data.image import pixels_from_image
-from ..core.files.encoding import quantised
+from ..core.files.encoding import Curve, Encoding, quantised
 from ..core.rig.joined_display import Section
 from ..operators import map_drawing, show_window
 from ..operators.export import gamma_of
@@ -44,7 +44,7 @@ class DrawnPixels(NamedTuple):
     """
 
     uid: int
-    gamma: float | None
+    gamma: Curve
     pixels: NDArray[np.float32]
     texture: object
 
@@ -71,7 +71,7 @@ def draw() -> None:
     gpu.state.scissor_set(0, 0, 0, 0)
 
 
-def numbers_of(pixels: NDArray[np.float32], gamma: float | None) -> NDArray[np.float32]:
+def numbers_of(pixels: NDArray[np.float32], gamma: Curve) -> NDArray[np.float32]:
     """The numbers 0..1 (h, w, 4) of the exported file, in steps of 8 bits, row 0 at the bottom."""
     opaque = np.ones_like(pixels)
     opaque[..., :3] = quantised(pixels[::-1, :, :3], "uint8", gamma) / np.float32(TOP)
@@ -83,9 +83,7 @@ def corner_of(size: tuple[int, int], region: tuple[int, int]) -> tuple[int, int]
     return (region[0] - size[0]) // 2, (region[1] - size[1]) // 2
 
 
-def _draw(
-    image: bpy.types.Image, section: Section, gamma: float | None, region: tuple[int, int]
-) -> None:
+def _draw(image: bpy.types.Image, section: Section, gamma: Curve, region: tuple[int, int]) -> None:
     size = section.width, section.height
     low = image.size[1] - section.top - section.height
     x, y = corner_of(size, region)
@@ -103,7 +101,8 @@ def _draw(
     try:
         gpu.state.blend_set("NONE")
         gpu.state.depth_test_set("NONE")
-        texture = map_drawing.texture_for(image)
+        # the shader has the curves of single colours only
+        texture = None if isinstance(gamma, Encoding) else map_drawing.texture_for(image)
         encoded = NUMBERS if texture is None else SRGB if gamma is None else gamma
         shader.bind()
         shader.uniform_float("encoded", encoded)
@@ -114,7 +113,7 @@ def _draw(
         gpu.state.depth_test_set(before[1])
 
 
-def _texture(image: bpy.types.Image, gamma: float | None) -> object:
+def _texture(image: bpy.types.Image, gamma: Curve) -> object:
     """The image as a texture, created again if a pixel has changed."""
     pixels = pixels_from_image(image)
     for shown in _shown:

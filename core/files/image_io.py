@@ -14,12 +14,10 @@ from ..base.errors import ImageError
 from ..base.messages import Message
 from . import png
 from .disk import check_new, together
+from .encoding import REC709, Curve, Encoding, quantised
 from .encoding import encode as encode  # imported here by scripts
-from .encoding import quantised
 
 PROFILE_NAME = "ICCProfile:profile_description"
-# red, green, blue, white
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 
 @dataclass(frozen=True)
@@ -97,16 +95,18 @@ def why_not(form: str) -> str:
     )
 
 
-def _quantised(pixels: np.ndarray, form: Format, gamma: float | None) -> np.ndarray:
+def _quantised(pixels: np.ndarray, form: Format, gamma: Curve) -> np.ndarray:
     if form.is_linear:
         return np.ascontiguousarray(pixels, np.float32)
     return quantised(pixels, form.number, gamma)
 
 
-def _colour_space(form: Format, gamma: float | None) -> tuple[str, str]:
+def _colour_space(form: Format, gamma: Curve) -> tuple[str, str]:
     """OpenImageIO's name of a file's colour space, and its words in the description."""
     if form.is_linear:
         return "lin_rec709", "linear Rec.709"
+    if isinstance(gamma, Encoding):
+        return "", f"{gamma.name}, white {gamma.white:g} cd/m2"
     return ("sRGB", "sRGB") if gamma is None else (f"g{gamma:g}_rec709", f"gamma {gamma:g}")
 
 
@@ -116,12 +116,13 @@ def _spec(
     shape: tuple[int, int, int],
     size: tuple[float, float] | None,
     title: str,
-    gamma: float | None,
+    gamma: Curve,
 ) -> Any:
     height, width, channels = shape
     spec = oiio.ImageSpec(width, height, channels, form.number)
     name, about = _colour_space(form, gamma)
-    spec.attribute("oiio:ColorSpace", name)
+    if name:
+        spec.attribute("oiio:ColorSpace", name)
     spec.attribute("Software", "Kiriko")
     spec.attribute("png:compressionLevel", 1)  # saves 0.12 of 0.52 s at 1920 x 1080; files grow 4 %
     spec.attribute("png:filter", 64)
@@ -154,7 +155,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     *,
     size: tuple[float, float] | None = None,
     title: str = "Kiriko source image",
-    gamma: float | None = None,
+    gamma: Curve = None,
     overwrite: bool = False,
 ) -> Path:
     """Write an image file, completely or not at all. Without OpenImageIO a PNG has no metadata.
@@ -167,7 +168,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     form : a key of FORMATS
     size : width and height, m, of the area covered by the image, for the metadata
     title : first words of the description in the metadata
-    gamma : encodes non-linear formats; None: sRGB
+    gamma : encodes non-linear formats; None: sRGB; an Encoding is tagged in PNG files only
     overwrite : replace an existing file
 
     Returns
@@ -192,9 +193,10 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
         part = new / path.name
         if is_plain:
             png.write(part, pixels)
-            return path
-
-        put(part, _spec(oiio, kind, pixels.shape, size, title, gamma), pixels)
+        else:
+            put(part, _spec(oiio, kind, pixels.shape, size, title, gamma), pixels)
+        if isinstance(gamma, Encoding) and kind.suffix == ".png":
+            png.tag(part, b"cICP", bytes([*gamma.codes, 0, 1]))  # RGB, of full range
 
     return path
 

@@ -15,7 +15,7 @@ from ..base.free_memory import check_free
 from ..base.messages import Message
 from . import image_io, png
 from .disk import read_bytes, scratch
-from .encoding import linear_from_srgb
+from .encoding import DISPLAY_P3, REC709, REC2020, linear_from_srgb, xyz_from
 
 JPEG, TIFF, RIFF = b"\xff\xd8\xff", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), b"RIFF"
 GIF, GIF_END = b"GIF8", b";"
@@ -30,9 +30,9 @@ ORIENTATION = 0x112
 STRAIGHT = "oiio:UnassociatedAlpha"  # colours not multiplied by alpha
 # by codes of ITU-T H.273: red, green, blue and white of Rec.709, Rec.2020 and Display P3
 PRIMARIES = {
-    1: image_io.REC709,
-    9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
-    12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
+    1: REC709,
+    9: REC2020,
+    12: DISPLAY_P3,
 }
 SRGB_CURVE = 13
 D50 = np.array([0.9642, 1.0, 0.8249])  # XYZ of the white point of ICC profiles
@@ -220,15 +220,13 @@ def light_said(said: dict[str, Any], numbers: Floats) -> Floats | None:
 
 
 def _rec709_from_xyz(xyz: Floats) -> Floats:
-    return xyz @ np.linalg.inv(_xyz_from(image_io.REC709)).T
+    return xyz @ np.linalg.inv(_xyz_from(REC709)).T
 
 
 def _xyz_from(chromaticities: ArrayLike) -> Floats:
     """Matrix (3, 3) to XYZ, adapted to D50, from x and y (8,) of red, green, blue and white."""
-    xy = np.reshape(chromaticities, (4, 2)).astype(float)
-    xyz = np.column_stack([xy, 1 - xy.sum(axis=1)]) / xy[:, 1:]
-    made = xyz[:3].T * np.linalg.solve(xyz[:3].T, xyz[3])
-    gain = (BRADFORD @ D50) / (BRADFORD @ xyz[3])
+    made = xyz_from(chromaticities)
+    gain = (BRADFORD @ D50) / (BRADFORD @ made.sum(axis=1))
     return np.linalg.inv(BRADFORD) @ np.diag(gain) @ BRADFORD @ made
 
 

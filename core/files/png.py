@@ -46,18 +46,29 @@ def encoded(numbers: NDArray[np.unsignedinteger], level: int = 6) -> bytes:
     lines = np.ascontiguousarray(big_endian).view(np.uint8).reshape(height, -1)
     lines = np.pad(lines, ((0, 0), (1, 0)))  # each starts with its filter type, 0
 
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        body = kind + data
-        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
-
     colours = {1: 0, 3: 2, 4: 6}[channels]
     header = struct.pack(">IIBBBBB", width, height, 8 * numbers.itemsize, colours, 0, 0, 0)
     return b"".join((
         SIGNATURE,
-        chunk(b"IHDR", header),
-        chunk(b"IDAT", zlib.compress(lines, level)),
-        chunk(b"IEND", b""),
+        _chunk(b"IHDR", header),
+        _chunk(b"IDAT", zlib.compress(lines, level)),
+        _chunk(b"IEND", b""),
     ))  # fmt: skip
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    body = kind + data
+    return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+
+def tag(path: Path, kind: bytes, data: bytes) -> None:
+    """Add a chunk to a file, right after its header; ImageError if it cannot be written."""
+    whole = read_bytes(path)
+    end = len(SIGNATURE) + len(_chunk(b"IHDR", bytes(13)))
+    try:
+        path.write_bytes(whole[:end] + _chunk(kind, data) + whole[end:])
+    except OSError as reason:
+        raise unwritable(path, reason) from None
 
 
 def write(path: Path, numbers: NDArray[np.unsignedinteger]) -> None:

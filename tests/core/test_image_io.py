@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import ImageError
-from kiriko.core.files import disk, image_io, png
+from kiriko.core.files import disk, image_io, picture_file, png
+from kiriko.core.files.encoding import Encoding
 
 NAMES = ("a.csv", "b.json", "c.svg")
 
@@ -342,3 +343,27 @@ def test_lines_are_added_whole_or_not_at_all(
     with pytest.raises(ImageError, match=r"log' cannot be written \(No space left"):
         disk.append_line(path, "three")
     assert path.read_text(encoding="utf-8") == "one\ntwo ü\n"
+
+
+@pytest.mark.parametrize("is_plain", [False, True])
+def test_an_encoded_png_says_its_colours(tmp_path: Path, is_plain: bool, monkeypatch) -> None:
+    """The cICP chunk has H.273's codes, the file stays whole, and what reads pictures finds the
+    light again; sRGB files have no such chunk.
+    """
+    if is_plain:
+        monkeypatch.setattr(image_io, "has_openimageio", lambda: False)
+    light = np.random.default_rng(3).random((4, 5, 3))
+    path = image_io.write(tmp_path / "p3.png", light, "PNG16", gamma=Encoding("P3", 250.0))
+    assert png.is_whole(path)
+    data = path.read_bytes()
+    at = data.index(b"cICP")
+    assert data[at + 4 : at + 8] == bytes([12, 13, 0, 1])
+    assert at < data.index(b"IDAT")
+    numbers, _ = image_io.read(path)
+    found = picture_file.light_said({picture_file.CICP: data[at + 4 : at + 8]}, numbers)
+    np.testing.assert_allclose(found, light, atol=1e-4)
+    for name, codes in (("PQ", (9, 16)), ("HLG", (9, 18))):
+        path = image_io.write(tmp_path / f"{name}.png", light, "PNG16", gamma=Encoding(name, 1e3))
+        assert b"cICP" + bytes([*codes, 0, 1]) in path.read_bytes()
+    path = image_io.write(tmp_path / "srgb.png", light, "PNG16")
+    assert b"cICP" not in path.read_bytes()

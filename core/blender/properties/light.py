@@ -6,6 +6,9 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProp
 ENCODINGS = (
     ("SRGB", "sRGB", "The curve of most displays and image files"),
     ("POWER", "Power", "A power curve, for displays calibrated to a fixed gamma"),
+    ("P3", "Display P3", "The curve of sRGB with wider primaries, for most phones and tablets"),
+    ("PQ", "PQ", "High dynamic range in absolute luminance (SMPTE ST 2084), from White"),
+    ("HLG", "HLG", "High dynamic range relative to the display's white (ITU-R BT.2100)"),
 )
 PRIMARIES = (
     ("SRGB", "sRGB", "Red 611, green 549 and blue 464 nm, as most displays"),
