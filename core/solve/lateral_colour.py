@@ -24,7 +24,10 @@ from ..map.view_map import ViewMap
 from ..rig.rig import Rig, Viewer
 from ..rig.settings import Settings
 
-N_ALONG = 32  # rays along each side of a viewer's image
+N_RAYS = 1024  # through each viewer's image
+# of two coordinates, from ray to ray, as evenly spread as it gets; no ray is on a corner of cells,
+# where maps are exact. Source: Roberts, The unreasonable effectiveness of quasirandom sequences
+SPREAD = 0.7548776662466927, 0.5698402909980532
 STEP_PX = 0.01  # viewer px, between rays whose landings give a derivative
 MOST_ROUNDS = 8  # of Newton's method
 SETTLED_PX = 1e-6  # viewer px, the last move
@@ -62,7 +65,7 @@ class LateralColour:
 
 def landings_apart(rig: Rig, settings: Settings, cache: MeshCache) -> Steps[float]:
     """Largest distance, display px, between landings of light of the display's primaries that a
-    viewer sees at one place, by one path; from a lattice of rays.
+    viewer sees at one place, by one path; from a sample of rays.
 
     Raises
     ------
@@ -75,7 +78,7 @@ def landings_apart(rig: Rig, settings: Settings, cache: MeshCache) -> Steps[floa
 
     apart = 0.0
     for viewer in rig.viewers:
-        xy = _lattice(viewer)
+        xy = _sample(viewer)
         found = [_landed(plan.seen_by(viewer), xy) for plan in plans]
         yield 0
         same = _are_alike(found)
@@ -158,7 +161,7 @@ def lateral_colour(plans: Sequence[Plan], maps: Sequence[ViewMap], apart: float)
     of this colour lands there, by Newton's method.
     """
     viewer = plans[0].viewer
-    xy = _lattice(viewer)
+    xy = _sample(viewer)
     found = [_landed(plan, xy) for plan in plans]
     xy = xy[_are_alike(found)]
     middle = run_steps(maps[len(maps) // 2].lookup.by_cells(xy))
@@ -170,11 +173,10 @@ def lateral_colour(plans: Sequence[Plan], maps: Sequence[ViewMap], apart: float)
     )
 
 
-def _lattice(viewer: Viewer) -> Floats:
-    """Viewer px (n, 2) of a lattice of rays."""
-    along = (np.arange(N_ALONG) + 0.5) / N_ALONG
-    x, y = np.meshgrid(along * viewer.width, along * viewer.height)
-    return np.stack([x.ravel(), y.ravel()], axis=1)
+def _sample(viewer: Viewer) -> Floats:
+    """Viewer px (n, 2) of rays spread over the image."""
+    part = (0.5 + np.arange(N_RAYS)[:, None] * SPREAD) % 1
+    return part * (viewer.width, viewer.height)
 
 
 def _landed(plan: Plan, xy: Floats) -> tuple[Floats, np.ndarray]:

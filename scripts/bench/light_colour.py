@@ -91,10 +91,13 @@ def catalogue() -> Iterator[Row]:
         yield _row(name, f"nd {n:.5f} ({nd}), V {v:.2f} ({abbe})", is_kept)
 
 
-def built(dispersion: str, degrees: float | None = None) -> Reading:
-    """A rig with a ball, or a cube turned by so many degrees, of a catalogued dispersion."""
+def built(dispersion: str, degrees: float | None = None, picture: float = 0.03) -> Reading:
+    """A rig with a ball, or a cube turned by so many degrees, of a catalogued dispersion.
+
+    picture : m, side; light through a strong ball misses the plate from the corners of a large one
+    """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    options = {"field": 0.05, "picture_size": 0.03, "display_size": 0.05}
+    options = {"field": 0.05, "picture_size": picture, "display_size": 0.05}
     if degrees is not None:
         turn = 0.0, 0.0, np.radians(degrees)
         bpy.ops.mesh.primitive_cube_add(size=1, scale=(0.05,) * 3, rotation=turn)
@@ -144,9 +147,9 @@ def dots_of(reading: Reading, source: np.ndarray, colour: int, wanted: tuple) ->
     return np.stack(sums, axis=1) / total[:, None]
 
 
-def fringes(dispersion: str, degrees: float | None = None) -> Iterator[Row]:
+def fringes(dispersion: str, **options: float) -> Iterator[Row]:
     """Distance of red dots from blue ones in Cycles, before and after."""
-    reading = built(dispersion, degrees)
+    reading = built(dispersion, **options)
     each, seconds = solved(reading.rig)
     one, of_one = solved(reading.rig.in_one_colour(SRGB_PRIMARIES[1]), wavelength=SRGB_PRIMARIES[1])
     viewer, ideal = reading.rig.viewer, each.ideal()
@@ -171,7 +174,7 @@ def fringes(dispersion: str, degrees: float | None = None) -> Iterator[Row]:
         f"mean {before.mean():.3f} px, largest {before.max():.3f} before;"
         f" mean {after.mean():.4f}, largest {after.max():.4f} after"
     )
-    shape = "ball" if degrees is None else "cube"
+    shape = "cube" if "degrees" in options else "ball"
     yield _row(f"{shape}, {dispersion}, fringes", words, after.max() < MOST_FRINGE)
     own = each.colour
     words = f"{own.before.largest_px * scale:.3f} before, {own.after.largest_px * scale:.1e} after"
@@ -210,7 +213,7 @@ CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "colour: closed forms": closed_forms,
     "colour: catalogue": catalogue,
     "colour: ball": lambda: fringes("Acrylic"),
-    "colour: strong ball": lambda: fringes("Polycarbonate"),
-    "colour: cube": lambda: fringes("Acrylic", 15.8),
+    "colour: strong ball": lambda: fringes("Polycarbonate", picture=0.024),
+    "colour: cube": lambda: fringes("N-SF11", degrees=15.8, picture=0.02),
     "colour: tint": tint,
 }

@@ -187,8 +187,8 @@ def test_lateral_colour_is_that_of_the_closed_form():
         n = small.glasses[0].ior.at(wavelength)
         return landing(small, *through_ball(*viewer.rays(xy), 0.025, n))
 
-    along = (np.arange(32) + 0.5) / 32 * 96
-    xy = np.stack([a.ravel() for a in np.meshgrid(along, along)], axis=1)
+    spread = np.array([0.7548776662466927, 0.5698402909980532])
+    xy = 96 * ((0.5 + np.arange(1024)[:, None] * spread) % 1)
     red, green, blue = SRGB_PRIMARIES
     target = lands(xy, green)
     places = []
@@ -208,7 +208,8 @@ def test_lateral_colour_is_that_of_the_closed_form():
     apart = np.linalg.norm(places[0] - places[1], axis=1)
     middle = np.linalg.norm(xy - 48, axis=1) < 20
     assert found.colour.before.largest_px >= np.nanmax(apart[middle]) > 0.01
-    assert found.colour.after.largest_px < 0.02 * found.colour.before.largest_px
+    assert found.colour.after.largest_px < 0.05 * found.colour.before.largest_px
+    assert found.colour.after.mean_px < 0.001 * found.colour.before.mean_px
     tangent = viewer.window[1] / 48  # per px, at the middle
     assert found.colour.before.mean_arcmin == pytest.approx(
         found.colour.before.mean_px * np.degrees(tangent) * 60, rel=0.01
