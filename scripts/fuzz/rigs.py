@@ -649,6 +649,12 @@ def add_elements(dice: Dice, frames: Sequence[Floats], size: float) -> None:
     if own.wild(0.05, "a projector"):
         at = displaced(own, own.pick(frames), size, "projector")
         add(lens_of(own, size, 5 * size), at, "PROJECTOR")
+    for thing in things:
+        if thing.kiriko.role == "DISPLAY" and own.wild(0.1, "views"):
+            ours = thing.kiriko.views
+            ours.use, ours.columns, ours.rows = True, own.pick((1, 2, 9, 45)), own.pick((1, 1, 3))
+            ours.cone, ours.overlap = own.rng.uniform(0, 2.5, 2), own.pick((0.0, 0.3, 1.0))
+            ours.distance = own.pick((0.0, 1e3 * size, 1e-3))
     dice.drawn += own.drawn
 
 

@@ -40,6 +40,7 @@ PLACES = {
     "bench.md#pupil": (
         "KirikoObject.pupil", "KirikoObject.use_dof", "KirikoRig.sharpen",
     ),
+    "bench.md#views": ("kiriko.export_views", "kiriko.export_interlaced"),
     "bench.md#drawing": ("kiriko.bench_drawing",),
     "bench.md#paths": ("kiriko.draw_light_paths",),
     "bench.md#plate": ("kiriko.simulate", "kiriko.go_without_plate"),

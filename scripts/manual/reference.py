@@ -61,6 +61,7 @@ SECTIONS: tuple[tuple[str | dict[str, str], tuple[str, ...]], ...] = (
         "kiriko.remove_eye_box",
     )),
     ("more_exports", (
+        "kiriko.export_views", "kiriko.export_interlaced",
         "kiriko.export_maps", "kiriko.export_atlas", "kiriko.export_job",
         "kiriko.bench_drawing", "kiriko.show_window", "kiriko.use_film",
         "KirikoRig.animation_path", "KirikoRig.animation_anew",
@@ -91,6 +92,8 @@ SECTIONS: tuple[tuple[str | dict[str, str], tuple[str, ...]], ...] = (
         "KirikoPlate.crossing_error", "KirikoPlate.fresnel", "KirikoPlate.phase",
         "KirikoDisplay.white", "KirikoDisplay.black_level", "KirikoDisplay.encoding",
         "KirikoDisplay.gamma", "KirikoDisplay.primaries", "KirikoDisplay.wavelengths",
+        "KirikoViews.use", "KirikoViews.columns", "KirikoViews.rows", "KirikoViews.cone",
+        "KirikoViews.overlap", "KirikoViews.distance",
         "kiriko.choose_picture", "kiriko.fit_picture",
         "KirikoPicture.brightness", "KirikoPicture.gamma", "KirikoPicture.black_level",
         "KirikoElement.reflects", "KirikoElement.prefers", "KirikoElement.reflectance",
