@@ -1,7 +1,6 @@
 """Export of a display with views: each view as a file, and the image for a lens sheet."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -10,14 +9,12 @@ from ..core.base.errors import ImageError
 from ..core.base.messages import Message
 from ..core.blender.data.image import pixels_from_image
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
-from ..core.blender.result.write_result import quilt_in
+from ..core.blender.result.write_result import Quilt, quilt_in
 from ..core.files import disk, image_io
-from ..core.files.quilt import LensSheet, interlaced, read_lens_sheet, tile_of, view_name
+from ..core.files.quilt import interlaced, read_lens_sheet, tile_of
 from . import folder, needed, reporting, watch
 from .export import gamma_of, use_bundled_modules
 from .to_file import ToFile
-
-NO_QUILT = Message("The display has no views: turn its Views on and solve")
 
 
 class OfQuilt(ToFile):
@@ -30,13 +27,11 @@ class OfQuilt(ToFile):
         reasons = needed.unsolved(context.scene)
         image = context.scene.kiriko.result.source
         if not reasons and (image is None or quilt_in(image) is None):
-            reasons = [NO_QUILT]
+            reasons = [Message("The display has no views: turn its Views on and solve")]
         return needed.can_run(cls, reasons)
 
-    def images(
-        self, quilt: np.ndarray, tiling: tuple[int, int], path: Path
-    ) -> Iterator[tuple[Path, np.ndarray]]:
-        """The files and their pixels, linear, row 0 at the top."""
+    def images(self, pixels: np.ndarray, quilt: Quilt) -> Iterator[np.ndarray]:
+        """The images, linear, row 0 at the top, from the pixels of a quilt."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -48,26 +43,19 @@ class OfQuilt(ToFile):
                     " allow_stale=True."
                 )
             use_bundled_modules()
-            path = self.path()
-            source = context.scene.kiriko.result.source
-            quilt = pixels_from_image(source)[..., :3]
-            made = dict(self.images(quilt, quilt_in(source).tiling, path))
-            names = [file.name for file in made]
-            is_agreed = self.is_in_dialogue and names == [path.name]
-            if not (self.overwrite or is_agreed):
+            path, source = self.path(), context.scene.kiriko.result.source
+            made = list(self.images(pixels_from_image(source)[..., :3], quilt_in(source)))
+            digits = len(str(len(made) - 1))
+            names = [f"{path.stem}_{k:0{digits}d}.png" for k in range(len(made))]
+            names = names if len(made) > 1 else [path.name]
+            if not (self.overwrite or (self.is_in_dialogue and names == [path.name])):
                 folder.refuse_existing(path.parent, names, Message("turn on Overwrite"))
             with folder.made(path.parent), disk.together(path.parent) as new:
-                for file, pixels in made.items():
-                    image_io.write(new / file.name, pixels, "PNG8", gamma=gamma_of(context.scene))
-            reporting.report(
-                self,
-                "INFO",
-                Message(
-                    "Wrote {names} to '{folder}'.",
-                    names=" ... ".join(dict.fromkeys([names[0], names[-1]])),
-                    folder=path.parent,
-                ),
-            )
+                for name, pixels in zip(names, made, strict=True):
+                    image_io.write(new / name, pixels, "PNG8", gamma=gamma_of(context.scene))
+            written = " ... ".join(dict.fromkeys([names[0], names[-1]]))
+            text = Message("Wrote {names} to '{folder}'.", names=written, folder=path.parent)
+            reporting.report(self, "INFO", text)
             return {"FINISHED"}
 
         return {"CANCELLED"}
@@ -82,12 +70,9 @@ class KIRIKO_OT_export_views(OfQuilt, bpy.types.Operator):
 
     default_name = "view.png"
 
-    def images(
-        self, quilt: np.ndarray, tiling: tuple[int, int], path: Path
-    ) -> Iterator[tuple[Path, np.ndarray]]:
-        n = tiling[0] * tiling[1]
-        for view in range(n):
-            yield view_name(path, view, n), tile_of(quilt, view, tiling)
+    def images(self, pixels: np.ndarray, quilt: Quilt) -> Iterator[np.ndarray]:
+        n = quilt.tiling[0] * quilt.tiling[1]
+        return (tile_of(pixels, view, quilt.tiling) for view in range(n))
 
 
 class KIRIKO_OT_export_interlaced(OfQuilt, bpy.types.Operator):
@@ -101,63 +86,16 @@ class KIRIKO_OT_export_interlaced(OfQuilt, bpy.types.Operator):
 
     calibration: bpy.props.StringProperty(
         name="Calibration",
-        description="The device's visual.json, with the numbers of its lens sheet; empty for the"
-        " numbers below",
+        description="The device's visual.json: pitch, slope and center of its lenses, DPI, screenW"
+        " and screenH of its panel",
         subtype="FILE_PATH",
         options={"SKIP_SAVE", *RELATIVE_PATH},
     )
-    pitch: bpy.props.FloatProperty(
-        name="Lenses an Inch", description="Across the lenses", default=50.0, min=0.1, precision=5
-    )
-    slope: bpy.props.FloatProperty(
-        name="Slope",
-        description="Drop of a lens for each unit to the right",
-        default=-7.0,
-        precision=5,
-    )
-    centre: bpy.props.FloatProperty(
-        name="Centre",
-        description="Shift of the lenses to the right, in lenses",
-        default=0.0,
-        precision=5,
-    )
-    per_inch: bpy.props.FloatProperty(
-        name="Pixels an Inch", description="Of the panel", default=324.0, min=1.0, precision=3
-    )
-    size: bpy.props.IntVectorProperty(
-        name="Resolution",
-        description="Width and height of the panel in pixels",
-        size=2,
-        default=(1536, 2048),
-        min=1,
-        max=32768,
-    )
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(self, "calibration")
-        column = layout.column()
-        column.active = not self.calibration
-        for name in ("pitch", "slope", "centre", "per_inch", "size"):
-            column.prop(self, name)
-
-    def images(
-        self, quilt: np.ndarray, tiling: tuple[int, int], path: Path
-    ) -> Iterator[tuple[Path, np.ndarray]]:
-        if self.calibration:
-            sheet = read_lens_sheet(absolute(self.calibration))
-        else:
-            sheet = LensSheet(self.pitch, self.slope, self.centre, self.per_inch, *self.size)
-            sheet.check()
-        yield path, interlaced(quilt, tiling, sheet)
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        image = context.scene.kiriko.result.source
-        quilt = None if image is None else quilt_in(image)
-        if quilt is not None and quilt.rows > 1:
-            text = Message("A lens sheet shows a single row of views: set Rows to 1 and solve")
-            return needed.can_run(cls, [text])
-        return super().poll(context)
+    def images(self, pixels: np.ndarray, quilt: Quilt) -> Iterator[np.ndarray]:
+        if quilt.rows > 1:
+            raise ImageError("A lens sheet shows a single row of views: set Rows to 1 and solve.")
+        if not self.calibration:
+            raise ImageError("The lens sheet is not known: choose the device's visual.json.")
+        sheet = read_lens_sheet(absolute(self.calibration))
+        yield interlaced(pixels, quilt.tiling, sheet)

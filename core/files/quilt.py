@@ -29,11 +29,6 @@ def quilt_name(path: Path, tiling: Size, aspect: float) -> Path:
     return path.with_stem(f"{MARK.sub('', path.stem)}_qs{columns}x{rows}a{aspect:.5g}")
 
 
-def view_name(path: Path, view: int, n: int) -> Path:
-    """The path of one of n views, numbered from the leftmost."""
-    return path.with_stem(f"{path.stem}_{view:0{len(str(n - 1))}d}")
-
-
 def tile_of(quilt: NDArray, view: int, tiling: Size) -> NDArray:
     """One view (h, w, ...) of a quilt (H, W, ...), row 0 at the top."""
     columns, rows = tiling

@@ -10,29 +10,14 @@ views, and the others follow to the right, then upward: the order of Looking Gla
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.errors import RigError, out_of_range
 
 Size = tuple[int, int]  # columns and rows, or width and height
 HALF_TURN = 180.0  # degrees
-
-
-class Beams(NamedTuple):
-    """Light as a display's views show it; some of it may be in two views of an axis, or in none.
-
-    rays : (m,) indices of the light
-    view : (m,) number of the view
-    weight : (m,) part of the light in this view, above 0 up to 1
-    """
-
-    rays: Ints
-    view: Ints
-    weight: Floats
 
 
 @dataclass(frozen=True)
@@ -67,14 +52,6 @@ class Views:
         n = np.array([self.columns, self.rows], float)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(n > 1, 2 * np.tan(np.divide(self.cone, 2)) / (n - 1), inf)
-
-    @property
-    def tangents(self) -> Floats:
-        """Tangents (n, 2) of the views' angles to the right and upward, at the display's middle."""
-        number = np.arange(self.n)
-        column, row = number % self.columns, number // self.columns
-        spacing = np.where(np.isfinite(self.spacing), self.spacing, 0.0)
-        return (np.stack([column, row], axis=1) - self._middle) * spacing
 
     @property
     def _middle(self) -> Floats:
@@ -120,11 +97,6 @@ class Views:
         columns, rows = self.tiling(size)
         return view % columns * size[0], (rows - 1 - view // columns) * size[1]
 
-    def image(self, quilt: NDArray, view: int, size: Size) -> NDArray:
-        """The image (h, w, ...) of one view, part of a quilt (H, W, ...)."""
-        left, top = self.tile(view, size)
-        return quilt[top : top + size[1], left : left + size[0]]
-
     def in_quilt(self, pixel: Ints, view: Ints, size: Size) -> Ints:
         """Pixels (n,) of the quilt, row by row, for pixels (n,) of views (n,)."""
         left, top = self.tile(view, size)
@@ -147,16 +119,17 @@ class Views:
             return ((beam >= -reach) & (beam <= [self.columns - 1 + reach, self.rows - 1 + reach])
                     ).all(axis=1)  # fmt: skip
 
-    def shown(self, beam: Floats) -> Iterator[Beams]:
-        """The views that show beams (n, 2), with up to two on each axis."""
+    def shown(self, beam: Floats) -> Iterator[tuple[Ints, Ints, Floats]]:
+        """The light of beams (n, 2) by view: indices (m,) of some, the view (m,) of each, and its
+        part (m,) of their light, above 0 up to 1. A beam is in up to two views of an axis, or none.
+        """
         column, row = (self._on_axis(along) for along in beam.T)
         for x, first in column:
             for y, second in row:
                 weight = first * second
                 is_in = (weight > 0) & (x >= 0) & (x < self.columns) & (y >= 0) & (y < self.rows)
-                rays = np.flatnonzero(is_in)
-                view = y[rays] * self.columns + x[rays]
-                yield Beams(rays, view.astype(np.int64), weight[rays])
+                some = np.flatnonzero(is_in)
+                yield some, (y[some] * self.columns + x[some]).astype(np.int64), weight[some]
 
     def _on_axis(self, along: Floats) -> list[tuple[Floats, Floats]]:
         """Views (n,) of beams (n,) on an axis, with weights (n,): one, or two that overlap.

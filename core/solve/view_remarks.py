@@ -15,7 +15,6 @@ from functools import reduce
 
 import numpy as np
 
-from ..base.arrays import Floats
 from ..base.messages import Message, joined
 from ..base.numbers import number
 from ..base.words import percent
@@ -23,7 +22,6 @@ from ..image.flat_picture import flat_mapping, view_of_picture
 from ..light.beams import beams
 from ..light.rays import REASON_WORDS, Reason, main_landings
 from ..light.trace import trace_all
-from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST
 from .channel import Channel
 from .solution import Remark, note, warning
@@ -75,24 +73,18 @@ def disparity(channel: Channel) -> float | None:
     viewer, place = channel.viewer, channel.plan.rig.picture_place
     if place.mesh is None or flat_mapping(place, viewer) is None:
         return None
-    away = np.linalg.norm(place.mesh.bounds.mean(axis=0) - viewer.position)
-    found = [_landed(channel, _aside(viewer, side * STEP * away)) for side in (-0.5, 0.5)]
+    step = STEP * np.linalg.norm(place.mesh.bounds.mean(axis=0) - viewer.position)
+    found = []
+    for side in (-0.5, 0.5):
+        moved = replace(viewer, position=viewer.position + side * step * viewer.axes[0])
+        straight = view_of_picture(place, moved, POINTS)
+        landings = main_landings(trace_all(channel.plan, *moved.rays(straight)), len(straight))
+        found.append((landings.xy, beams(channel.plan, landings), landings.branch))
     (xy, beam, branch), (other_xy, other_beam, other_branch) = found
     with np.errstate(divide="ignore", invalid="ignore"):
         moved = np.linalg.norm(other_xy - xy, axis=1) / np.abs(other_beam - beam)[:, 0]
     known = moved[np.isfinite(moved) & (branch == other_branch) & (branch != 0)]
     return float(known.max()) if len(known) else None
-
-
-def _aside(viewer: Viewer, by: float) -> Viewer:
-    return replace(viewer, position=viewer.position + by * viewer.axes[0])
-
-
-def _landed(channel: Channel, viewer: Viewer) -> tuple[Floats, Floats, np.ndarray]:
-    """Landings, beams and branches of POINTS of the picture, for a viewer elsewhere."""
-    straight = view_of_picture(channel.plan.rig.picture_place, viewer, POINTS)
-    found = main_landings(trace_all(channel.plan, *viewer.rays(straight)), len(straight))
-    return found.xy, beams(channel.plan, found), found.branch
 
 
 def remarks_on_views(channels: Sequence[Channel]) -> Iterator[Remark]:

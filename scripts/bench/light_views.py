@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
+from math import radians
 
 import bpy
 import numpy as np
@@ -24,7 +25,7 @@ registered()
 
 from kiriko.core.base.steps import run_steps  # noqa: E402 - the operators have to be there first
 from kiriko.core.blender.preview.cycles_preview import render_preview  # noqa: E402
-from kiriko.core.files.quilt import LensSheet, interlaced  # noqa: E402
+from kiriko.core.files.quilt import LensSheet, interlaced, tile_of  # noqa: E402
 from kiriko.core.lab.measure.viewer_errors import conflict_in_light, sharpness  # noqa: E402
 from kiriko.core.rig.parts import OwnImage  # noqa: E402
 from kiriko.core.rig.rig import Picture, Rig  # noqa: E402
@@ -40,7 +41,7 @@ from .runner import MISSED, Row  # noqa: E402
 MOST_RMS = 0.01  # of linear light: Cycles' samples and filter
 MOST_PX = 0.25  # of 1165
 MOST_CROSSTALK = 0.05
-CONE = float(np.radians(80.0))  # all of the light through the ball
+CONE = radians(80.0)  # all of the light through the ball
 SIZE, AWAY, BEHIND = 0.1, 0.5, 0.03  # m, of the window, its cameras and the picture
 N_VIEWS = (1, 8, 45, 100)
 
@@ -102,10 +103,10 @@ def without_glass(pixels: int = 96) -> Iterator[Row]:
 
     worst = 0.0
     for view in (0, 2, 3):
-        scene.kiriko.viewer = camera(AWAY * views.tangents[view, 0], pixels)
+        scene.kiriko.viewer = camera(AWAY * np.tan(CONE / 2) * (view - 2) / 2, pixels)
         window.kiriko.role, alone.kiriko.role = "DISPLAY", "NONE"
         quilt = solved(work.read(bpy.context).rig, only_through_glass=False).source
-        tile = views.image(quilt, view, (pixels, pixels))
+        tile = tile_of(quilt, view, views.tiling((pixels, pixels)))
         window.kiriko.role, alone.kiriko.role = "NONE", "DISPLAY"
         reading = work.read(bpy.context)
         render = render_preview(scene, reading, pixels_of[..., :3], samples=256, fresnel=False)

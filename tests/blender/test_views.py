@@ -1,5 +1,7 @@
 """Displays with views in Blender: settings, reading, and their look in Cycles."""
 
+import json
+
 import bpy
 import numpy as np
 import pytest
@@ -50,7 +52,7 @@ def test_cycles_sees_the_views_that_kiriko_traces(core, scene, display, overlap,
     quilt = np.zeros_like(solution.source)
     for view in range(views.n):
         colour = (view % 9 + 1) / 10, (view // 9 + 1) / 4, 0.5
-        views.image(quilt, view, size)[:] = colour
+        core.files.quilt.tile_of(quilt, view, views.tiling(size))[:] = colour
     seen = solution.seen(quilt)
     render = core.blender.preview.cycles_preview.render_preview(
         scene, reading, quilt, samples=64, fresnel=False
@@ -86,9 +88,11 @@ def test_the_quilt_is_exported_by_the_name_players_read(core, scene, display, tm
         top, left = 32 * (2 - view // 3), 32 * (view % 3)
         assert (tile == quilt[top : top + 32, left : left + 32]).all()
 
-    path = tmp_path / "woven.png"
-    sizes = {"size": (30, 40), "pitch": 100.0, "per_inch": 300.0}
-    assert bpy.ops.kiriko.export_interlaced(filepath=str(path), **sizes) == {"FINISHED"}
+    path, sheet = tmp_path / "woven.png", tmp_path / "visual.json"
+    numbers = {"pitch": 100, "slope": -7, "center": 0, "DPI": 300, "screenW": 30, "screenH": 40}
+    sheet.write_text(json.dumps(numbers), encoding="utf-8")
+    written = bpy.ops.kiriko.export_interlaced(filepath=str(path), calibration=str(sheet))
+    assert written == {"FINISHED"}
     assert core.files.image_io.read(path)[0].shape[:2] == (40, 30)
     with pytest.raises(RuntimeError, match="cannot be read"):
         bpy.ops.kiriko.export_interlaced(filepath=str(path), calibration=str(tmp_path / "none"))
@@ -99,4 +103,5 @@ def test_what_views_cannot_do(core, scene, display, tmp_path):
     bpy.ops.kiriko.solve()
     with pytest.raises(RuntimeError, match="one place for each pixel"):
         bpy.ops.kiriko.export_maps(directory=str(tmp_path))
-    assert not bpy.ops.kiriko.export_interlaced.poll()  # rows of views
+    with pytest.raises(RuntimeError, match="single row of views"):
+        bpy.ops.kiriko.export_interlaced(filepath=str(tmp_path / "a.png"))

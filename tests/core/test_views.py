@@ -7,6 +7,7 @@ import pytest
 
 from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
+from kiriko.core.files.quilt import tile_of
 from kiriko.core.image.source_image import splat
 from kiriko.core.lab.measure.viewer_errors import conflict_in_light
 from kiriko.core.light.beams import beams
@@ -112,11 +113,12 @@ def test_the_quilt_begins_in_the_lower_left_corner():
     assert views.quilt_size((4, 5)) == (12, 10)
     quilt = np.zeros((10, 12), int)
     for view in range(6):
-        views.image(quilt, view, (4, 5))[:] = view
+        tile_of(quilt, view, (3, 2))[:] = view
     assert quilt[::5, ::4].tolist() == [[3, 4, 5], [0, 1, 2]]
     pixels = np.arange(20)
     assert (quilt.ravel()[views.in_quilt(pixels, np.full(20, 4), (4, 5))] == 4).all()
-    assert views.tangents[0, 0] < 0 < views.tangents[5, 0]
+    left, right = views.beam(np.array([[-0.1, 0], [0.1, 0]]), np.zeros((2, 2)))[:, 0]
+    assert left < 2.5 < right
     assert Views(45, cone=CONE).tiling((1600, 900)) == (5, 9)  # Looking Glass's own
 
 
@@ -128,10 +130,11 @@ def test_each_view_is_a_picture_behind_the_window(is_native, monkeypatch):
     if not is_native:
         monkeypatch.setattr(loading, "library", lambda: None)
     views = Views(5, 1, CONE, distance=0.5)
-    cameras = [camera((0.5 * t, 0, 0.5), name=str(k)) for k, (t, _) in enumerate(views.tangents)]
+    places = 0.5 * np.tan(CONE[0] / 2) * np.linspace(-1, 1, 5)
+    cameras = [camera((x, 0, 0.5), name=f"{x:.3f}") for x in places]
     for k in 0, 3:
         found = solve(bare_rig((cameras[k],), views, depth=0.02))
-        tiles = [views.image(found.source, view, (48, 48)) for view in range(5)]
+        tiles = [tile_of(found.source, view, views.tiling((48, 48))) for view in range(5)]
         wanted = found.ideal()
         assert np.abs(tiles[k] - wanted).max() < 1e-5
         assert all(not tiles[other].any() for other in range(5) if other != k)
