@@ -38,6 +38,7 @@ TRACED = 0.5  # progress of a sharpening once all places of pupils are traced
 LEAST_GAIN = 1e-3  # fraction of the painted image's f that a step has to remove
 MOST_STEPS = 200
 BYTES_OF_ENTRY = 32
+AT_ONCE = 1 << 18  # entries between two pauses
 WHOLE = 1 - 1e-6  # cover of a pixel that shows only the display
 
 
@@ -48,6 +49,20 @@ class Entries(NamedTuple):
     display: NDArray[np.integer]
     weight: Floats
     area: Floats
+
+
+def _merged(parts: list[Entries], display_size: tuple[int, int]) -> list[Entries]:
+    """Entries with a sum for each pair of pixels, which places of a sharp pupil share, in parts."""
+    if not parts:
+        return parts
+    view, display, *sums = map(np.concatenate, zip(*parts, strict=True))
+    pair = view.astype(np.int64) * np.prod(display_size) + display
+    order = np.argsort(pair, kind="stable")
+    first = np.flatnonzero(np.diff(pair[order], prepend=-1))
+    sums = [np.add.reduceat(one[order], first) for one in sums]
+    merged = Entries(view[order][first], display[order][first], *sums)
+    starts = range(0, len(first), AT_ONCE)
+    return [Entries(*(one[k : k + AT_ONCE] for one in merged)) for k in starts]
 
 
 class SeenMatrix:
@@ -81,7 +96,7 @@ class SeenMatrix:
                 has_room = has_room and is_free(n_bytes)  # as much again stays free
                 cached = [*cached, one] if has_room else []
                 yield one
-        self._cached = cached if has_room else None
+        self._cached = _merged(cached, self.display_size) if has_room else None
 
     def cover(self) -> Steps[Floats]:
         """Part (h, w) of each viewer pixel that shows the display, 0..1."""
