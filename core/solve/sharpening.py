@@ -154,8 +154,7 @@ class Sharpened:
     """The sharpened light of a display (H, W, 3), and its effect.
 
     n_steps : of the minimisation
-    before, after : quality of each channel's seen image, in its colours; None if it shows no whole
-        pixel
+    before, after : quality of each viewer's seen image; None if it shows no whole pixel
     """
 
     light: NDArray[np.float32]
@@ -165,7 +164,7 @@ class Sharpened:
 
     @property
     def figures(self) -> dict[str, Any] | None:
-        """Quality of the first channel's seen image before and after, as plain data."""
+        """Quality of the first viewer's seen image before and after, as plain data."""
         if self.before[0] is None:
             return None
         return {"before": asdict(self.before[0]), "after": asdict(self.after[0])}
@@ -231,16 +230,24 @@ def sharpen(
         if gain <= wanted:
             break
         progress = max(progress, wanted / gain)
-    before, after = (tuple(map(_quality, lookers, one.errors, covers)) for one in (first, now))
+    before, after = (_qualities(lookers, one.errors, covers) for one in (first, now))
     yield 1.0
     light = np.ascontiguousarray(np.moveaxis(now.x, 0, 2), np.float32)
     return Sharpened(light, n_steps, before, after)
 
 
-def _quality(looker: Looker, error: Floats, cover: Floats) -> SeenQuality | None:
-    """Quality of what a viewer sees with an error (3, h, w) in some colours."""
-    error = np.moveaxis(error, 0, 2) * (looker.weight > 0)
-    return quality(looker.ideal + error, looker.ideal, cover > WHOLE)
+def _qualities(
+    lookers: Sequence[Looker], errors: Sequence[Floats], covers: Sequence[Floats]
+) -> tuple[SeenQuality | None, ...]:
+    """Quality of each viewer's seen image, whose colours may be apart, with errors (3, h, w)."""
+    seen: dict[int, tuple[Floats, Floats, Floats]] = {}
+    for one, error, cover in zip(lookers, errors, covers, strict=True):
+        error = np.moveaxis(error, 0, 2) * (one.weight > 0)
+        _, before, other = seen.get(id(one.ideal), (one.ideal, 0.0, 1.0))
+        seen[id(one.ideal)] = one.ideal, before + error, np.minimum(cover, other)
+    return tuple(
+        quality(ideal + error, ideal, cover > WHOLE) for ideal, error, cover in seen.values()
+    )
 
 
 class Sharpener:
