@@ -22,8 +22,8 @@ from ..map.view_map import ViewMap
 from ..rig.pupil import focus_of, pinholes, rays_through
 from .channel import shares_of
 
-# Places in a pupil whose spot is no wider than the pattern resolves: the seen image is then within
-# 1e-4 of white of its limit (docs/measured.md)
+# Least places in a pupil: the seen image is within 1e-3 of white of its limit, and Sharpen within
+# 2 dB of what 64 places reach (docs/measured.md)
 LEAST_PLACES = 16
 MOST_PLACES = 256  # each takes a view map
 N_ALONG = 9  # rays along the viewer's image that measure the spot
