@@ -33,7 +33,7 @@ from .runner import Row, proof  # noqa: E402
 EYE = 0.004  # m, a pupil in a room
 LEAST_GAIN = 2.0  # dB
 MOST_OFF = 0.004  # rms of white, the noise of a render
-X, Y, Z = np.eye(3)
+X, Y, Z = (np.array(axis) for axis in ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)))
 
 
 def with_pupil(a_rig: Rig, pupil: float, **change: object) -> Rig:
