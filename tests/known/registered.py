@@ -2,9 +2,11 @@
 
 import atexit
 import importlib
+from functools import cache
 from types import ModuleType
 
 
+@cache
 def registered() -> ModuleType:
     """The package, registered until Python ends.
 
