@@ -226,7 +226,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                 )
 
             details = StoredNumbers.read(ours.result.details).by_name
-            size = details.get("display_size_m")
+            size = None if quilt_in(ours.result.source) else details.get("display_size_m")
             use_bundled_modules()
             form = self._form(context)
             path = target(self.filepath or ours.export_path, form)

@@ -320,7 +320,7 @@ class Live:
                 continue  # a coarse viewer may miss light that the real one sees
             if not is_last:
                 yield from self._show(found, update_coarse)
-        yield NextStep(WRITING, (rig.display.width, rig.display.height))
+        yield NextStep(WRITING, rig.display.image_size)
         update_solution(scene_by_uid(scene_uid), self._reading, found)
         map_drawing.forget()
         if self.n_pictures == n_before:  # it was not shown before its figures
@@ -353,7 +353,7 @@ class Live:
         is_traced, is_coarse : whether the maps are there already, or coarse ones are worth it
         """
         rig = self._reading.rig
-        size = rig.display.width, rig.display.height
+        size = rig.display.image_size
         image = scene_by_uid(scene_uid).kiriko.result.source
         if image is None or tuple(image.size) != size or not (is_traced or is_coarse):
             return False
@@ -429,8 +429,8 @@ class Live:
         update : `update_coarse` or `update_final`
         """
         display = self._reading.rig.display
-        yield NextStep(WRITING, (display.width, display.height))
-        pixels = enlarged(pixels, display.width, display.height)
+        yield NextStep(WRITING, display.image_size)
+        pixels = enlarged(pixels, *display.image_size)
         map_drawing.forget()
         self._reading = update(scene_by_uid(self.uid), self._reading, pixels)
         self._note_shown()

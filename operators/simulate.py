@@ -70,7 +70,8 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
                 display_height=rig.display.height,
             )
 
-        shown = pixels_from_image(source)[: rig.display.height, : rig.display.width]
+        width, height = rig.display.image_size
+        shown = pixels_from_image(source)[:height, :width]
         yield 0.0
         plan = work.session().plan(rig, work.settings_of(scene))
         found = yield from simulate(plan, shown, self.samples, has_diffraction=self.diffraction)

@@ -370,10 +370,14 @@ def in_views(shares: Shares, beam: Floats, views: Views) -> Shares:
     beam : (n, 3, 2), as in `Piece`, evaluated at their centroids
     """
     x, y = shares.view_xy.T[..., None]
+    xx, xy, yy = shares.covariance[..., None]
+    by_x, by_y, start = np.moveaxis(beam, 1, 0)
+    # of an interval with the variance of the beam within the share, which a border may cut
+    spread = np.sqrt(12 * np.maximum(by_x**2 * xx + 2 * by_x * by_y * xy + by_y**2 * yy, 0))
     size = shares.display_size
     quilt = views.quilt_size(size)
     parts = []
-    for rays, view, weight in views.shown(beam[:, 0] * x + beam[:, 1] * y + beam[:, 2]):
+    for rays, view, weight in views.shown(by_x * x + by_y * y + start, spread):
         some = shares.at(rays)
         pixel = views.in_quilt(some.display_index.astype(np.int64), view, size)
         parts.append(

@@ -18,6 +18,7 @@ from ..base.errors import RigError, out_of_range
 
 Size = tuple[int, int]  # columns and rows, or width and height
 HALF_TURN = 180.0  # degrees
+LEAST_WIDTH = 1e-12  # of a beam, in views
 
 
 @dataclass(frozen=True)
@@ -119,11 +120,16 @@ class Views:
             return ((beam >= -reach) & (beam <= [self.columns - 1 + reach, self.rows - 1 + reach])
                     ).all(axis=1)  # fmt: skip
 
-    def shown(self, beam: Floats) -> Iterator[tuple[Ints, Ints, Floats]]:
+    def shown(
+        self, beam: Floats, spread: Floats | float = 0.0
+    ) -> Iterator[tuple[Ints, Ints, Floats]]:
         """The light of beams (n, 2) by view: indices (m,) of some, the view (m,) of each, and its
         part (m,) of their light, above 0 up to 1. A beam is in up to two views of an axis, or none.
+
+        spread : (n, 2) widths of the beams, in views, up to 1
         """
-        column, row = (self._on_axis(along) for along in beam.T)
+        widths = np.broadcast_to(np.hypot(self.overlap, spread), beam.shape).T
+        column, row = map(_on_axis, beam.T, widths)
         for x, first in column:
             for y, second in row:
                 weight = first * second
@@ -131,14 +137,15 @@ class Views:
                 some = np.flatnonzero(is_in)
                 yield some, (y[some] * self.columns + x[some]).astype(np.int64), weight[some]
 
-    def _on_axis(self, along: Floats) -> list[tuple[Floats, Floats]]:
-        """Views (n,) of beams (n,) on an axis, with weights (n,): one, or two that overlap.
 
-        A view's weight is the part of the interval of width `overlap` around the beam that is
-        nearest to it: it fades linearly. Weights add up to 1.
-        """
-        if not self.overlap:
-            return [(np.floor(along + 0.5), np.ones(len(along)))]
-        first, last = (np.floor(along + 0.5 + k * self.overlap / 2) for k in (-1, 1))
-        weight = np.minimum((first + 0.5 - along) / self.overlap + 0.5, 1.0)
-        return [(first, weight), (last, np.where(last > first, 1 - weight, 0.0))]
+def _on_axis(along: Floats, width: Floats) -> list[tuple[Floats, Floats]]:
+    """Two views (n,) of beams (n,) on an axis, with weights (n,) that add up to 1.
+
+    A view's weight is the part of the interval of a width around the beam that is nearest to it:
+    with `overlap` it fades linearly.
+    """
+    width = np.minimum(width, 1.0)
+    first, last = (np.floor(along + 0.5 + k * width / 2) for k in (-1, 1))
+    into = (first + 0.5 - along) / np.maximum(width, LEAST_WIDTH)
+    weight = np.where(last > first, np.clip(into + 0.5, 0.0, 1.0), 1.0)
+    return [(first, weight), (last, 1 - weight)]

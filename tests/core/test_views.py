@@ -8,6 +8,7 @@ import pytest
 from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
 from kiriko.core.files.quilt import tile_of
+from kiriko.core.image.simulation import simulate
 from kiriko.core.image.source_image import splat
 from kiriko.core.lab.measure.viewer_errors import conflict_in_light
 from kiriko.core.light.beams import beams
@@ -246,3 +247,20 @@ def test_crosstalk_is_the_light_of_shared_pixels():
     same = camera((0, 0, 0.5)), camera((1e-9, 0, 0.5), name="same")
     shared = view_figures(solve(bare_rig(same, Views(3, cone=CONE), image)).channels)
     assert [one.crosstalk for one in shared] == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize("overlap", [0.0, 0.6])
+def test_views_leave_no_seams(overlap):
+    """A white picture, seen by single rays, each in the view of its beam, is as bright by views as
+    without: where two views share a pixel of the display, both show it.
+    """
+
+    def brightness(views):
+        a_rig = two_viewers(views, pixels=48, display_pixels=24, image=np.ones((4, 4, 4), "f4"))
+        found = solve(a_rig)
+        simulated = drain(simulate(compile_plan(a_rig, Settings()), found.source, 32)).image
+        whole = (found.first.view_coverage > 0.999) & (found.ideal().min(axis=2) > 0.999)
+        return simulated[whole].mean()
+
+    views = Views(45, cone=(np.radians(60.0), 0.0), overlap=overlap)
+    assert brightness(views) > brightness(None) - 0.005

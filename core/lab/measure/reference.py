@@ -400,7 +400,8 @@ def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[
     weight = one.weight[..., None]
 
     def joined(values: Floats) -> Floats:
-        return values.reshape(rig.display.height, k, rig.display.width, k, -1).sum(axis=(1, 3))
+        width, height = rig.display.image_size
+        return values.reshape(height, k, width, k, -1).sum(axis=(1, 3))
 
     total = joined(weight)
     sources = (
