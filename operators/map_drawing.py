@@ -349,7 +349,7 @@ def corners_of(view_map: ViewMap) -> Image:
     found = [np.empty((0, 3, VALUES), np.float32)]
     for piece in view_map.pieces(parts=view_map.parts_within_tolerance):
         low, high = piece.display.min(axis=1), piece.display.max(axis=1)
-        view, display, throughput, _ = piece.at(
+        view, display, throughput, *_ = piece.at(
             ((high > 0) & (low < view_map.display_size)).all(axis=1)
         )
         for half in HALVES[: view.shape[1] - 2]:
