@@ -111,17 +111,16 @@ class Solution:
     def weight(self) -> Floats:
         """Sum (H, W) of area * throughput^2, viewer px^2, over the shares each display pixel shows.
 
-        Each channel counts by the weight of its viewer.
+        Each channel counts by the weight of its viewer, each of several colours in full.
         """
-        return reduce(
-            np.add,
-            [channel.viewer.weighed(channel.coverage.weight) for channel in self.channels],
-        )
+        each = [one for channel in self.channels for one in channel.colours or (channel,)]
+        return reduce(np.add, [one.viewer.weighed(one.coverage.weight) for one in each])
 
     @cached_property
     def display_coverage(self) -> Floats:
         """Largest fraction (H, W) of each display pixel that any channel sees, 0..1."""
-        return reduce(np.maximum, [channel.coverage.of_display for channel in self.channels])
+        each = [one for channel in self.channels for one in channel.colours or (channel,)]
+        return reduce(np.maximum, [one.coverage.of_display for one in each])
 
     @property
     def picture_coverage(self) -> float:

@@ -440,11 +440,21 @@ def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     if dice.wild(0.15, "odd index"):
         ours.use_ior = True
         ours.ior = dice.pick((0.1, 0.75, 1.0, 1 + 1e-7, 1.0001, 4.0, 10.0))
+    colour(dice, ours)
 
     ours.surface = dice.pick(("AUTOMATIC", "AUTOMATIC", "SMOOTH", "FACETS"))
     if dice.wild(0.2, "priority"):
         ours.priority = int(dice.rng.integers(-3, 4))
     return thing
+
+
+def colour(dice: Dice, ours: bpy.types.PropertyGroup) -> None:
+    """Let some glass disperse or absorb."""
+    if dice.wild(0.15, "dispersion"):
+        ours.dispersion = dice.pick(("ABBE", "N-SF11", "Water"))
+        ours.abbe = dice.pick((55.0, 20.0, 1.0, 0.0, -3.0))
+    if dice.wild(0.15, "tint"):
+        ours.use_tint, ours.tint = True, dice.rng.uniform(0, 1, 3)
 
 
 def add_instances(dice: Dice, thing: bpy.types.Object, size: float) -> None:

@@ -144,6 +144,8 @@ def test_each_colour_is_seen_where_it_belongs():
         )
         np.testing.assert_array_equal(found.source[..., k], alone.source[..., k])
         np.testing.assert_array_equal(seen[..., k], alone.seen()[..., k])
+    weights = [one.coverage.weight for one in channel.colours]
+    np.testing.assert_array_equal(found.weight, weights[0] + weights[1] + weights[2])
     both = channel.seen(np.concatenate([found.source, found.source], axis=2))
     np.testing.assert_array_equal(both[..., 3:], seen)
     assert np.abs(seen - ideal).mean() < 0.01
