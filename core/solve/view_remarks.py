@@ -26,8 +26,8 @@ from .accuracy import LEAST_LOST
 from .channel import Channel
 from .solution import Remark, note, warning
 
-# A change of 1 % is visible, and 5.8 % is perceptible but not annoying (Investigation of crosstalk in
-# a 2-view 3D display, SID Symposium Digest, paper 73.4).
+# A change of 1 % is visible, and 5.8 % is perceptible but not annoying (Investigation of crosstalk
+# in a 2-view 3D display, SID Symposium Digest, paper 73.4).
 MOST_CROSSTALK = 0.05
 SOFT_PX, GHOSTS_PX = 5.0, 8.0  # source above
 POINTS = (np.stack(np.meshgrid(*2 * [np.arange(5)]), axis=-1).reshape(-1, 2) + 0.5) / 5
