@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
+from ..base.fingerprint import fingerprint
 from ..base.free_memory import is_free
 from ..base.messages import Message
 from ..base.stages import section
@@ -254,7 +255,7 @@ class Sharpener:
     """Sharpens solutions; caches the last one."""
 
     def __init__(self) -> None:
-        self._last: tuple[object, tuple[PupilViews, ...], Sharpened] | None = None
+        self._last: tuple[object, tuple[PupilViews, ...], str, Sharpened] | None = None
 
     def sharpened(
         self,
@@ -270,14 +271,19 @@ class Sharpener:
         past_glass : for each channel the weight (H, W) of light past the glass; None if glare is
             kept
         """
-        if self._last is not None and self._last[0] is light and self._last[1] == views:
-            return self._last[2]
+        rig, settings = plans[0].rig, plans[0].settings
+        keys = channel_keys(rig, settings)
+        black = tuple(one.black_level for one in rig.display.parts)
+        of_all = tuple((one.viewer.weight, one.colours) for one in keys)
+        asked = fingerprint(black, of_all, settings.suppress_glare)
+        last = self._last
+        if last is not None and last[0] is light and last[1:3] == (views, asked):
+            return last[3]
         for k, one in enumerate(views):
             yield from subprogress(one.trace(), *section((0.0, TRACED), k, len(views)))
-        rig, settings = plans[0].rig, plans[0].settings
         ideals = {v.name: ideal_image(rig.picture_of(v), v) for v in rig.viewers}
         lookers, held_back = [], None
-        of_each = zip(channel_keys(rig, settings), views, past_glass, strict=True)
+        of_each = zip(keys, views, past_glass, strict=True)
         for key, seen, stray in of_each:
             weight = key.viewer.weight * np.array(key.colours)
             lookers.append(Looker(SeenMatrix(seen), ideals[key.viewer.name], weight))
@@ -286,5 +292,5 @@ class Sharpener:
                 held_back = stray if held_back is None else held_back + stray
         steps = sharpen(lookers, light, rig.display.black_in(light), held_back)
         found = yield from subprogress(steps, TRACED, 1.0)
-        self._last = light, views, found
+        self._last = light, views, asked, found
         return found

@@ -167,3 +167,14 @@ def test_quilts_and_dispersed_light_are_sharpened(kind):
     inside = np.s_[24:40, 24:40]
     off = [((one - sharp.ideal())[inside] ** 2).mean() for one in seen]
     assert off[1] < off[0] / 10**0.1
+
+
+def test_a_session_sharpens_again_for_another_black():
+    """Its light has another bound, though the painted light is the same."""
+    a_rig = cube_rig(pixels=32, display_pixels=32, image=zone_plate(64, 8))
+    other = replace(a_rig, displays=(replace(a_rig.display, black_level=0.3),))
+    session = Session()
+    solve(a_rig, session, sharpen=True)
+    again, fresh = solve(other, session, sharpen=True), solve(other, sharpen=True)
+    assert again.sharpened.figures == fresh.sharpened.figures
+    assert (again.source == fresh.source).all()
