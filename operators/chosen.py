@@ -71,7 +71,13 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
         file_now(ours.picture_image),
         ours.viewer_shown,
         *(
-            (uid(camera), weight, file_now(image), camera and frame_of(camera, scene.render))
+            (
+                uid(camera),
+                weight,
+                file_now(image),
+                camera and frame_of(camera, scene.render),
+                camera and (camera.kiriko.pupil, camera.kiriko.use_dof),
+            )
             for camera, weight, image in seats
         ),
         ours.picture_source,

@@ -258,7 +258,8 @@ class Live:
             # in their order, because figures are those of the first one
             reading.rig.light_keys,
             tuple(viewer.weight for viewer in reading.rig.viewers),
-            tuple(display.black_level for display in reading.rig.displays),
+            tuple((one.black_level, one.primaries) for one in reading.rig.lit),
+            tuple((viewer.pupil, viewer.focus) for viewer in reading.rig.viewers),
             fingerprint(reading.rig.projectors),
             settings,
             fingerprint(reading.rig.picture_place),

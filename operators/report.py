@@ -93,7 +93,7 @@ class ReportExtras:
 
 def check_head(rig: Rig) -> None:
     """Raise RigError unless the first viewer has a head that can move before a flat picture."""
-    check_viewer(rig.viewer, rig.picture_place)
+    check_viewer(rig, rig.viewer)
     plane_of(rig)
 
 

@@ -1,6 +1,7 @@
 """Simulate: the viewer's image of the source image, with all effects of the plate's mirrors."""
 
 from collections.abc import Generator
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -13,10 +14,13 @@ from ..core.blender.data.image import pixels_from_image
 from ..core.blender.data.rigs import name_of_view
 from ..core.blender.data.stored_records import Sentences
 from ..core.blender.result.write_result import replace_image
-from ..core.image.simulation import OTHER_PATH, Simulation, simulate
+from ..core.image.simulation import OTHER_PATH, Simulation, simulate_colours
+from ..core.light.plan import Plan
 from ..core.light.plate import STRAY_PATHS, PlatePath
 from ..core.rig.joined_display import sections_of, size_of
 from ..core.rig.rig import Rig
+from ..core.rig.settings import Settings
+from ..core.solve.channel import channel_keys
 from . import long_work, needed, watch, work
 from .windows import show_image
 
@@ -73,8 +77,8 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         width, height = rig.display.image_size
         shown = pixels_from_image(source)[:height, :width]
         yield 0.0
-        plan = work.session().plan(rig, work.settings_of(scene))
-        found = yield from simulate(plan, shown, self.samples, has_diffraction=self.diffraction)
+        plans = plans_to_simulate(rig, work.settings_of(scene))
+        found = yield from simulate_colours(plans, shown, self.samples, self.diffraction)
         result = scene.kiriko.result
         name = name_of_view(scene, NAME, rig)
         result.seen = image = replace_image(result.seen, name, found.image)
@@ -92,6 +96,15 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
 
         self.level = "WARNING"
         return joined([text, watch.CHANGED])
+
+
+def plans_to_simulate(rig: Rig, settings: Settings) -> list[Plan]:
+    """Plans of the first viewer with Brightness, one for each colour that glass treats in its own
+    way.
+    """
+    bright = replace(settings, brightness=True)
+    keys = channel_keys(replace(rig, viewers=rig.viewers[:1]), bright)
+    return [work.session().plan(rig, key.of(bright)) for key in keys]
 
 
 def simulation_report(found: Simulation, rig: Rig) -> str:

@@ -1,18 +1,20 @@
 """Stray light, dimming and blur of the viewer's image by a plate's mirrors, by sampling."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import subprogress
 from ..base.vectors import dot
 from ..light.beams import in_quilt
 from ..light.plan import Plan
 from ..light.plate import PlatePath
 from ..light.rays import PlateLight, are_main, main_landings
 from ..light.trace import TRACED_AT_ONCE, trace
+from ..rig.mesh import Mesh
 from ..rig.pupil import focus_of, in_pupil, rays_through
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
@@ -56,6 +58,30 @@ def by_path(luminance: dict[int, float]) -> dict[str, float]:
     return {path.name.lower(): luminance[path] for path in PlatePath}
 
 
+def simulate_colours(
+    plans: Sequence[Plan],
+    source: NDArray[np.float32],
+    spp: int,
+    has_diffraction: bool = False,
+) -> Generator[float, None, Simulation]:
+    """`simulate` for plans of different colours, whose light adds up."""
+    found = []
+    for k, plan in enumerate(plans):
+        steps = simulate(plan, source, spp, k, has_diffraction)
+        found.append((yield from subprogress(steps, k / len(plans), (k + 1) / len(plans))))
+    paths = found[0].luminance
+    return Simulation(
+        image=np.sum([one.image for one in found], axis=0),
+        error=float(np.linalg.norm([one.error for one in found])),
+        luminance={path: sum(one.luminance[path] for one in found) for path in paths},
+        luminance_error={
+            path: float(np.linalg.norm([one.luminance_error[path] for one in found]))
+            for path in paths
+        },
+        spp=found[0].spp,
+    )
+
+
 def simulate(
     plan: Plan,
     source: NDArray[np.float32],
@@ -65,11 +91,12 @@ def simulate(
 ) -> Generator[float, None, Simulation]:
     """Follow rays from the whole viewer image through the plate's actual mirrors.
 
-    All display light counts, even past glass and plate, with its throughput. Light reflected by the
-    first plate's face is a separate ray.
+    All display light in the colours of the plan counts, even past glass and plate, with its
+    throughput. Light reflected by the first plate's face is a separate ray.
 
     Parameters
     ----------
+    plan : compiled with Brightness if glass absorbs
     source : (H, W, 3 or 4) the display's image, linear, row 0 at the top
     spp : rays a viewer pixel, rounded up to even: the error is estimated from the difference of two
         half images
@@ -79,7 +106,7 @@ def simulate(
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
     has_faces = any(array.array.has_fresnel for array in plan.arrays)
     shown = plan.rig.display.light_of(source[..., :3])
-    texels = shown.reshape(-1, 3).astype(float)
+    texels = shown.reshape(-1, 3) * np.array(plan.settings.colours)
     n = viewer.width * viewer.height
     passes = 2 * ((max(spp, 1) + 1) // 2)
     halves = np.zeros((2, 3, n))
@@ -143,7 +170,8 @@ def _diffracted(plan: Plan, xy: Floats, random: np.random.Generator) -> Floats:
     A slit as wide as the pitch p spreads light of the wavelength w: its direction changes along the
     mirrors' normal by x w / p with a density of sinc^2 x (Born and Wolf, Principles of Optics,
     8.5.1). An image at the distance l from the plate is displaced by l times this. The image is in
-    the picture's plane, and l is measured along the line of sight, without glass.
+    the picture's plane, and l is measured along the line of sight, without glass. Lines of sight
+    that pass beside a plate keep their light.
     """
     viewer, place = plan.viewer, plan.rig.place_of(plan.viewer)
     if place.mesh is None:
@@ -151,14 +179,30 @@ def _diffracted(plan: Plan, xy: Floats, random: np.random.Generator) -> Floats:
     origins, directions = viewer.rays(xy)
     away = focus_of(place, replace(viewer, focus=None)) / (directions @ viewer.axes[2])
     at = origins + away[:, None] * directions
-    for array in plan.arrays:
+    plates = [plate for plate in plan.rig.plates if plate.array is not None]
+    for plate, array in zip(plates, plan.arrays, strict=True):
         normal = array.axes[2]
         ahead = ((array.centre - origins) @ normal) / (directions @ normal)
-        mirrors = array.mirror_normals(origins + ahead[:, None] * directions)
+        met = origins + ahead[:, None] * directions
+        is_through = (ahead > 0) & _is_on(plate.mesh, met)
         turns = np.interp(random.random((len(xy), 2)), SPREAD, SLIT)
         turns *= plan.settings.wavelength / array.array.pitch * (ahead - away)[:, None]
-        at += np.einsum("nk,nkj->nj", turns, mirrors)
+        moved = np.einsum("nk,nkj->nj", turns, array.mirror_normals(met))
+        at += np.where(is_through[:, None], moved, 0.0)
     return viewer.project(at)
+
+
+def _is_on(mesh: Mesh, places: Floats) -> Bools:
+    """Whether places (n, 3) of a flat mesh's plane are on one of its triangles."""
+    found = np.zeros(len(places), bool)
+    for a, b, c in mesh.corners:
+        normal = np.cross(b - a, c - a)
+        sides = [
+            np.cross(end - start, places - start) @ normal
+            for start, end in ((a, b), (b, c), (c, a))
+        ]
+        found |= np.min(sides, axis=0) >= 0
+    return found
 
 
 def _shown(

@@ -86,9 +86,15 @@ class AbbeIndex(Index):
         return self.nd + slope * (wavelength**-2 - WAVELENGTH**-2)
 
     def check(self, owner: str) -> None:
-        """Raise RigError for an Abbe number of 0 or less."""
-        if not (np.isfinite(self.abbe) and self.abbe > 0):
-            raise out_of_range(owner, Message("Abbe Number"), self.abbe, 0)
+        """Raise RigError for an Abbe number of 0 or less, or so small that the index of some
+        visible light is 0 or less.
+        """
+        ends = (WAVELENGTH**-2 - end**-2 for end in VISIBLE)
+        lines = F_LINE**-2 - C_LINE**-2
+        excess = 1 - 1 / self.nd if self.nd > 0 else 0.0  # Glass reports an index of 0 or less
+        least = max(0.0, *(excess * end / lines for end in ends))
+        if not (np.isfinite(self.abbe) and self.abbe > least):
+            raise out_of_range(owner, Message("Abbe Number"), self.abbe, least)
 
 
 @dataclass(frozen=True)

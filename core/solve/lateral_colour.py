@@ -30,6 +30,7 @@ N_RAYS = 1024  # through each viewer's image
 SPREAD = 0.7548776662466927, 0.5698402909980532
 STEP_PX = 0.01  # viewer px, between rays whose landings give a derivative
 MOST_ROUNDS = 8  # of Newton's method
+MOST_UNLIKE = 0.01  # fraction of rays that pass other surfaces in another colour, as at rims
 SETTLED_PX = 1e-6  # viewer px, the last move
 
 
@@ -51,13 +52,14 @@ class Distances:
 class LateralColour:
     """Lateral colour of the first viewer; None for distances if no place is seen in all colours.
 
-    apart : display px, largest distance between landings of the primaries, over all viewers
+    apart : display px, largest distance between landings of the primaries, over all viewers; None
+        if they land by different paths
     is_one_map : one map serves all primaries; its distances are not measured
     before : with one map, of the middle primary
     after : with a map for each primary
     """
 
-    apart: float
+    apart: float | None
     is_one_map: bool = False
     before: Distances | None = None
     after: Distances | None = None
@@ -82,10 +84,12 @@ def landings_apart(rig: Rig, settings: Settings, cache: MeshCache) -> Steps[floa
         found = [_landed(plan.seen_by(viewer), xy) for plan in plans]
         yield 0
         same = _are_alike(found)
+        is_seen = np.any([path != 0 for _, path in found], axis=0)
+        is_unlike |= (is_seen & ~same).sum() > MOST_UNLIKE * is_seen.sum()
         places = np.stack([at[same] for at, _ in found])
         between = np.linalg.norm(places[:, None] - places[None], axis=-1)
         apart = max(apart, float(between.max(initial=0.0)))
-    return apart
+    return np.inf if is_unlike and apart <= settings.tolerance else apart
 
 
 MAP_EACH = Message("a map for each colour")
@@ -169,7 +173,9 @@ def lateral_colour(plans: Sequence[Plan], maps: Sequence[ViewMap], apart: float)
     before = [_seen_at(plan, middle, xy) for plan, _ in outer]
     after = [_seen_at(plan, run_steps(one.lookup.by_cells(xy)), xy) for plan, one in outer]
     return LateralColour(
-        apart, before=_distances(viewer, *before), after=_distances(viewer, *after)
+        apart if np.isfinite(apart) else None,
+        before=_distances(viewer, *before),
+        after=_distances(viewer, *after),
     )
 
 

@@ -209,6 +209,7 @@ LEAST_ROUNDED_PX = 0.1  # display px of rounding error that are worth a remark
 # Fraction of the picture outside the viewer's frame that is worth a remark. Along the outline of a
 # picture of few pixels it is accurate to half of this.
 LEAST_CUT = 0.01
+LEAST_APART = 1e-3  # viewer px between colours that are worth their digits
 BEYOND = 0.01  # fraction of the view that may exceed the tolerance without a remark
 # Fraction of the picture's light at contradicting normals that is worth a remark. A ball has some
 # along its outline.
@@ -289,6 +290,8 @@ def _on_colour(colour: LateralColour | None) -> tuple[Remark, ...]:
 
 def _distance(found: Distances) -> Message:
     """The largest distance, px, and its angle if there is one."""
+    if found.largest_px < LEAST_APART:
+        return Message("less than {px} px", px=number(LEAST_APART))
     px = Message("{px} px", px=number(found.largest_px))
     if found.largest_arcmin is None:
         return px

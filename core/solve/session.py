@@ -25,7 +25,7 @@ from ..light.plan import Plan
 from ..map.measured_error import checked
 from ..map.view_map import ViewMap
 from ..rig.rig import Rig
-from ..rig.settings import WHITE, Settings
+from ..rig.settings import Settings
 from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST, leaks
 from .channel import (
@@ -312,9 +312,14 @@ class Session:
         steps = self._sharpener.sharpened(plans, views, past_glass, light)
         sharp = yield from subprogress(steps, end, 1.0)
         clock.lap("sharpening")
+        channels = channels_of(plans, optics, self._placed, sharp.light)
+        by_display = yield from hold_progress(1.0, _by_display(channels))
+        remarks = remarks_on(channels, sharp.light, found.colour)
         return replace(
             found,
             source=found.rig.display.source_for(sharp.light),
+            channels=channels,
+            remarks=remarks + remarks_on_displays(found.rig, by_display),
             seconds=found.seconds | clock.seconds,
             used=(*found.used, SHARPENING),
             views=views,
@@ -383,7 +388,7 @@ class Session:
             channels=channels,
             seconds=clock.seconds,
             n_rays=n_rays,
-            used=channels[0].plan.used + ((MAP_EACH,) if channels[0].colours else ()),
+            used=channels[0].plan.used + ((MAP_EACH,) if rig.disperses else ()),
             left_out=channels[0].plan.left_out + _left_out(is_new, placed.channels, colour),
             remarks=remarks_on(channels, light, colour) + remarks_on_displays(rig, by_display),
             colour=colour,
@@ -574,8 +579,8 @@ def _left_out(
     is_new: bool, channels: Sequence[Placed], colour: LateralColour | None
 ) -> tuple[Message, ...]:
     """Parts of a solve that were not needed, or had no room."""
-    has_one = channels[0].key.colours == WHITE
-    found = (why_one_map(colour) if has_one else ()) + (() if is_new else (UNTRACED,))
+    is_one_map = colour is None or colour.is_one_map
+    found = (why_one_map(colour) if is_one_map else ()) + (() if is_new else (UNTRACED,))
     return (*found, NOT_KEPT) if any(one.lacks_memory for one in channels) else found
 
 

@@ -68,25 +68,38 @@ def view_figures(channels: Sequence[Channel]) -> tuple[ViewFigures, ...]:
 
 
 def disparity(channel: Channel) -> float | None:
-    """Largest movement of points of the picture on the display from one view to the next, px.
+    """Largest movement of points of the picture on the display from one view to the next, px; None
+    if no point is seen.
 
-    It is the derivative by the viewer's place, sideways, of landings over that of their views.
+    With the derivatives L of a landing and B of its beam by the viewer's place, right and up, the
+    beam on an axis of views changes by 1 for the shortest move s = b / |b|^2, where b is the row of
+    B: the point moves by L s.
     """
     viewer, place = channel.viewer, channel.plan.rig.picture_place
+    views = channel.plan.rig.display.views
     if place.mesh is None or flat_mapping(place, viewer) is None:
         return None
     step = STEP * np.linalg.norm(place.mesh.bounds.mean(axis=0) - viewer.position)
-    found = []
-    for side in (-0.5, 0.5):
-        moved = replace(viewer, position=viewer.position + side * step * viewer.axes[0])
-        straight = view_of_picture(place, moved, POINTS)
-        landings = main_landings(trace_all(channel.plan, *moved.rays(straight)), len(straight))
-        found.append((landings.xy, beams(channel.plan, landings), landings.branch))
-    (xy, beam, branch), (other_xy, other_beam, other_branch) = found
-    with np.errstate(divide="ignore", invalid="ignore"):
-        moved = np.linalg.norm(other_xy - xy, axis=1) / np.abs(other_beam - beam)[:, 0]
-    known = moved[np.isfinite(moved) & (branch == other_branch) & (branch != 0)]
-    return float(known.max()) if len(known) else None
+    by_place, is_same = [], np.ones(len(POINTS), bool)
+    for axis in viewer.axes[:2]:
+        found = []
+        for side in (-0.5, 0.5):
+            moved = replace(viewer, position=viewer.position + side * step * axis)
+            straight = view_of_picture(place, moved, POINTS)
+            landings = main_landings(trace_all(channel.plan, *moved.rays(straight)), len(straight))
+            at = np.concatenate([landings.xy, beams(channel.plan, landings)], axis=1)
+            found.append((at, landings.branch))
+        (at, branch), (other_at, other_branch) = found
+        by_place.append((other_at - at) / step)
+        is_same &= (branch == other_branch) & (branch != 0)
+    derivatives = np.stack(by_place, axis=2)[is_same]
+    of_xy, of_beam = derivatives[:, :2], derivatives[:, 2:]
+    moved = []
+    for k, n in enumerate((views.columns, views.rows)):
+        if n > 1:
+            move = of_beam[:, k] / (of_beam[:, k] ** 2).sum(axis=1, keepdims=True)
+            moved.append(np.linalg.norm(np.einsum("nij,nj->ni", of_xy, move), axis=1))
+    return float(np.max(moved)) if moved and len(derivatives) else None
 
 
 def remarks_on_views(channels: Sequence[Channel]) -> Iterator[Remark]:

@@ -20,12 +20,13 @@ from ...core.blender.preview.cycles_preview import Preview
 from ...core.blender.result.write_result import quilt_of, write_solution, write_viewers
 from ...core.files import disk, image_io
 from ...core.files.frame_list import frames_of
-from ...core.image.simulation import OTHER_PATH, by_path, simulate
+from ...core.image.simulation import OTHER_PATH, by_path, simulate_colours
 from ...core.lab.farm.job import LOG, log_of
 from ...core.rig.catalogue import DISPLAYS, GLASSES, PLATES
 from ...core.rig.joined_display import Section
 from .. import folder, frames, look_over, needed, viewer_reports, work
 from ..export import files_of, gamma_of
+from ..simulate import plans_to_simulate
 
 Result = TypeVar("Result")
 
@@ -127,8 +128,9 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     if arguments.simulate:
         yield "simulating the plate's mirrors"
-        plan = work.session().plan(reading.rig, settings)
-        found = yield from progress_in_tenths(simulate(plan, solution.source, arguments.simulate))
+        plans = plans_to_simulate(reading.rig, settings)
+        steps = simulate_colours(plans, solution.source, arguments.simulate)
+        found = yield from progress_in_tenths(steps)
         jobs.append(("simulated", found.image, "PNG8", None))
         numbers["simulated"] = {
             "rays_a_pixel": found.spp,

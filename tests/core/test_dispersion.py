@@ -16,6 +16,7 @@ from kiriko.core.rig.dispersion import (
     F_LINE,
     P3_PRIMARIES,
     SRGB_PRIMARIES,
+    VISIBLE,
     WAVELENGTH,
     AbbeIndex,
     ConstantIndex,
@@ -223,3 +224,13 @@ def test_another_display_has_other_primaries():
     small = dispersing(ball_rig(3, pixels=48, display_pixels=64, image=lattice_image(64)))
     wide = replace(small, displays=(replace(small.displays[0], primaries=P3_PRIMARIES),))
     assert solve(wide).colour.apart > solve(small).colour.apart
+
+
+def test_an_abbe_number_leaves_the_index_of_visible_light_above_0():
+    """At the least Abbe number, Cauchy's index is 0 at the red end of visible light."""
+    lines = F_LINE**-2 - C_LINE**-2
+    least = 0.49 / 1.49 * (WAVELENGTH**-2 - VISIBLE[1] ** -2) / lines
+    assert AbbeIndex(1.49, least).at(VISIBLE[1]) == pytest.approx(0, abs=1e-12)
+    AbbeIndex(1.49, 1.001 * least).check("The glass")
+    with pytest.raises(RigError, match=r"set it above 0\.2487"):
+        AbbeIndex(1.49, 0.999 * least).check("The glass")

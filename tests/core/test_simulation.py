@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from kiriko.core.image import simulation
-from kiriko.core.image.simulation import LUMINANCE, simulate
+from kiriko.core.image.simulation import LUMINANCE, simulate, simulate_colours
 from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Display, MirrorArray
 from kiriko.core.rig.settings import Settings
+from kiriko.core.solve.channel import channel_keys
 from known.reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
 from known.work import drain, solve
 
@@ -232,3 +233,40 @@ def test_diffraction_blurs_only_plates_of_mirrors():
         )
         assert (one.image != other.image).any() == is_blurred
         assert one.image.mean() == pytest.approx(other.image.mean(), rel=0.02)
+
+
+def test_each_colour_has_its_own_index_and_absorption():
+    """Tinted glass fades colours by Beer and Lambert's law, with Brightness on or off."""
+    clear = ball_rig(4, pixels=24, field=0.04, display_pixels=32)
+    tinted = replace(clear, glasses=(replace(clear.glasses[0], absorption=(5.0, 20.0, 60.0)),))
+    flat = np.full((32, 32, 3), 0.5, np.float32)
+
+    def mean(a_rig):
+        settings = Settings(brightness=True)
+        keys = channel_keys(a_rig, settings)
+        plans = [compile_plan(a_rig, key.of(settings)) for key in keys]
+        return drain(simulate_colours(plans, flat, 16)).image[9:15, 9:15].mean(axis=(0, 1))
+
+    middle = np.exp(-0.05 * np.array([5.0, 20.0, 60.0]))
+    np.testing.assert_allclose(mean(tinted) / mean(clear), middle, rtol=0.03)
+
+
+def test_diffraction_leaves_light_past_the_plate():
+    """A display seen beside a small plate keeps its edges."""
+    x, _, z = np.eye(3)
+    a_rig = rig(box([0.02] * 3), pixels=48, field=0.3, plate=0.05)
+    away = rectangle(np.array([0, 0.6, 0.12]), x, z, 0.4, 0.1)
+    a_rig = replace(
+        a_rig,
+        glasses=(),
+        plates=(replace(a_rig.plates[0], array=MirrorArray()),),
+        displays=(replace(a_rig.displays[0], mesh=away, width=64, height=16),),
+    )
+    source = np.zeros((16, 64, 3), np.float32)
+    source[:, 32:] = 1
+    plan = compile_plan(a_rig, Settings(only_through_glass=False, only_through_plate=False))
+    without, with_it = (
+        drain(simulate(plan, source, 32, has_diffraction=one)).image for one in (False, True)
+    )
+    row = np.argmax(without.max(axis=(1, 2)) > 0.5) + 2
+    np.testing.assert_array_equal(with_it[row], without[row])

@@ -231,6 +231,20 @@ def test_disparity_of_a_picture_behind_the_window(depth, n):
     assert any("look doubled" in text for text in found.notes) == (wanted > 5)
 
 
+def test_disparity_does_not_depend_on_the_turn_of_the_display():
+    """Views over the same cone along another axis move a point just as far, also if the axis runs
+    upward for the viewer.
+    """
+    across, upward = Views(5, 1, CONE, distance=0.5), Views(1, 5, CONE[::-1], distance=0.5)
+    found = [
+        view_figures(solve(bare_rig((camera((0, 0, 0.5)),), views, depth=0.05)).channels)
+        for views in (across, upward)
+    ]
+    (one,), (other,) = found
+    assert one.disparity == pytest.approx(other.disparity, rel=1e-6)
+    assert one.disparity > 0
+
+
 def test_crosstalk_is_the_light_of_shared_pixels():
     """Two viewers that need the same pixels share all of their light: half of each pixel's weight
     is the other's. As many views as separate them leave none, and overlap gives some back.

@@ -38,8 +38,8 @@ def primaries_of(ours: bpy.types.PropertyGroup) -> Primaries:
 
 
 def views_of(ours: bpy.types.PropertyGroup) -> Views | None:
-    """The views of a display's settings; None if they are off."""
-    if not ours.use:
+    """The views of a display's settings; None if they are off, or one for all directions."""
+    if not ours.use or ours.columns == ours.rows == 1:
         return None
     distance = 1e-3 * ours.distance or inf
     return Views(ours.columns, ours.rows, tuple(ours.cone), ours.overlap, distance)

@@ -215,7 +215,7 @@ def check(rig: Rig, viewer: Viewer, box: HeadBox, tolerance: float, most: int) -
     """Raise RigError or MeshError if the input rules out an atlas; no light is traced."""
     rig.check()
     refuse_views(rig)
-    check_viewer(viewer, rig.picture_place)
+    check_viewer(rig, viewer)
     if not tolerance > 0:
         raise out_of_range(OWNER, "Tolerance", f"{tolerance:g} px", 0)
     for offset in _corners(box, most):

@@ -9,7 +9,7 @@ import numpy as np
 from ...base.arrays import Floats
 from ...base.errors import RigError
 from ...base.messages import Message
-from ...rig.rig import PicturePlace
+from ...rig.rig import PicturePlace, Rig
 from ...rig.viewer import Viewer
 
 AXES = ("right", "up", "forward")
@@ -119,10 +119,16 @@ def check_perspective(viewer: Viewer) -> None:
         )
 
 
-def check_viewer(viewer: Viewer, place: PicturePlace) -> None:
-    """Raise RigError if a viewer or a picture does not allow head movement."""
+def check_viewer(rig: Rig, viewer: Viewer) -> None:
+    """Raise RigError if a viewer, the picture or the display does not allow head movement."""
     check_perspective(viewer)
-    place.check_still()
+    rig.picture_place.check_still()
+    if rig.display.views is not None:
+        raise RigError(
+            "'{display}' shows another image in each direction, so the range of a head cannot be"
+            " measured: turn its Views off.",
+            display=rig.display.name,
+        )
 
 
 def viewer_at(viewer: Viewer, place: PicturePlace, offset: Offset) -> Viewer:

@@ -97,7 +97,7 @@ class BoxServed:
 def check_box(rig: Rig) -> None:
     """Raise RigError unless a rig's viewers span a box of heads before a flat picture."""
     for viewer in rig.viewers:
-        check_viewer(viewer, rig.picture_place)
+        check_viewer(rig, viewer)
     plane_of(rig)
     _spanned(rig)
 

@@ -110,7 +110,7 @@ class Walk:
     """
 
     def __init__(self, plan: Plan, limit: float = LIMIT, least: float = LEAST) -> None:
-        check_viewer(plan.viewer, plan.rig.picture_place)
+        check_viewer(plan.rig, plan.viewer)
         middle = plane_of(plan.rig).middle
         self.distance = float(np.linalg.norm(middle - plan.viewer.position))
         self.uv = grid_on(plan.rig.picture_place, N_POINTS, EDGE)
