@@ -67,7 +67,8 @@ class LateralColour:
 
 def landings_apart(rig: Rig, settings: Settings, cache: MeshCache) -> Steps[float]:
     """Largest distance, display px, between landings of light of the display's primaries that a
-    viewer sees at one place, by one path; from a sample of rays.
+    viewer sees at one place, by one path; from a sample of rays. Infinite if this is within the
+    tolerance, but a hundredth of the rays land by different paths, or in some colours only.
 
     Raises
     ------
@@ -78,7 +79,7 @@ def landings_apart(rig: Rig, settings: Settings, cache: MeshCache) -> Steps[floa
         here = replace(settings, wavelength=wavelength)
         plans.append((yield from compile_plan_steps(rig, here, cache)))
 
-    apart = 0.0
+    apart, is_unlike = 0.0, False
     for viewer in rig.viewers:
         xy = _sample(viewer)
         found = [_landed(plan.seen_by(viewer), xy) for plan in plans]
