@@ -171,7 +171,7 @@ def _diffracted(plan: Plan, xy: Floats, random: np.random.Generator) -> Floats:
     mirrors' normal by x w / p with a density of sinc^2 x (Born and Wolf, Principles of Optics,
     8.5.1). An image at the distance l from the plate is displaced by l times this. The image is in
     the picture's plane, and l is measured along the line of sight, without glass. Lines of sight
-    that pass beside a plate keep their light.
+    that miss a plate keep their light.
     """
     viewer, place = plan.viewer, plan.rig.place_of(plan.viewer)
     if place.mesh is None:
