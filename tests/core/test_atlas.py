@@ -21,6 +21,7 @@ from kiriko.core.lab.atlas import head_map
 from kiriko.core.lab.atlas.head_map import _Line, _worst_between, map_at, refine
 from kiriko.core.lab.atlas.heads import HeadBox, HeadGrid, check_viewer, viewer_at
 from kiriko.core.rig.settings import Settings
+from kiriko.core.rig.views import Views
 from kiriko.core.solve.session import Session
 from known.closed_forms import landing, through_slab
 from known.reference_rigs import ball_rig, box, rig
@@ -338,9 +339,12 @@ def test_heads_that_cannot_be_are_one_sentence():
     with pytest.raises(RigError, match="or behind it"):
         viewer_at(slab.viewer, slab.picture_place, (0.0, 0.0, 1.5))
     with pytest.raises(RigError, match="is orthographic"):
-        check_viewer(replace(slab.viewer, projection="orthographic"), slab.picture_place)
+        check_viewer(slab, replace(slab.viewer, projection="orthographic"))
     own = replace(slab.picture_place, mesh=None)
     with pytest.raises(RigError, match="use a picture plane"):
-        check_viewer(slab.viewer, own)
+        check_viewer(replace(slab, pictures=(own,)), slab.viewer)
+    turned = replace(slab.displays[0], views=Views(5, cone=(1.0, 0.0)))
+    with pytest.raises(RigError, match="turn its Views off"):
+        check_viewer(replace(slab, displays=(turned,)), slab.viewer)
     with pytest.raises(RigError, match="2 head positions"):
         drain(refine(maker(slab), ASIDE, slab.picture_place, 1e-6, 2))
