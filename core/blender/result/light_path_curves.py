@@ -23,7 +23,7 @@ OUTCOMES = {
     Message("Light Paths: Arrived"): ((0.05, 0.7, 0.1), {Reason.ARRIVED}),
     Message("Light Paths: Missed"): (
         (0.9, 0.05, 0.03),
-        {Reason.MISSED_GLASS, Reason.MISSED_PLATE, Reason.MISSED_DISPLAY},
+        {Reason.MISSED_GLASS, Reason.MISSED_PLATE, Reason.MISSED_DISPLAY, Reason.OUTSIDE_CONE},
     ),
     Message("Light Paths: Lost in Glass"): (
         (1.0, 0.3, 0.02),

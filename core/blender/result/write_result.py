@@ -110,9 +110,9 @@ def quilt_in(image: bpy.types.Image) -> Quilt | None:
 
 
 def quilt_of(rig: Rig) -> Quilt | None:
-    """The tiles of a rig's source image; None if its display has no views."""
-    display = rig.display
-    if display.views is None:
+    """The tiles of a rig's source image; None without a display with views, the only one then."""
+    display = next((one for one in rig.displays if one.views is not None), None)
+    if display is None:
         return None
     width, height = flat_size(display.mesh) or display.size
     return Quilt(*display.views.tiling(display.size), display.views.rows, width / height)
