@@ -42,13 +42,13 @@ def test_random_rigs_end_in_a_result_or_in_one_sentence(fuzz):
 
 
 def test_eye_box_and_pictures_of_random_rigs_end_so_too(fuzz, monkeypatch):
-    """On a rig that is solved, and on two that are refused, one of which sees nothing."""
+    """On a rig that has an eye box, and on one whose picture is not flat."""
     monkeypatch.setattr(fuzz, "ON_RESULT", {})
     monkeypatch.setattr(fuzz, "ANYWAY", {fuzz.eye_box: 1.0, fuzz.render_pictures: 1.0})
-    outcomes = [fuzz.try_rig(SEED, k) for k in (13, 6, 7)]
+    outcomes = [fuzz.try_rig(SEED, k) for k in (13, 11)]
     assert [(o.k, o.text) for o in outcomes if o.verdict == "failed"] == []
-    assert [bool(o.also["eye_box"]) for o in outcomes] == [False, True, True]
-    assert [o.also["render_pictures"] for o in outcomes] == ["", "", ""]
+    assert [bool(o.also["eye_box"]) for o in outcomes] == [False, True]
+    assert [o.also["render_pictures"] for o in outcomes] == ["", ""]
 
 
 def move_something():

@@ -107,8 +107,9 @@ def _be_part(made: Workbench, thing: bpy.types.Object, role: Role, part: Any) ->
             made.material("Kiriko Glass", lambda m: be_seen_as_glass(m, index))
         )
     for name in ELEMENT:
-        if hasattr(part, name):
-            value = getattr(part, name)
+        value = getattr(part, name, None)
+        # glass has an absorption for each colour, which is its Tint
+        if value is not None and not isinstance(value, tuple):
             value = 1e3 * value if name in MILLIMETRES else value
             setattr(ours.element, name, value.upper() if isinstance(value, str) else value)
 
