@@ -678,7 +678,7 @@ def test_a_rig_behind_the_glass_shows_its_picture(scene: bpy.types.Scene, look_d
     assert "ithout a plate" in result.summary
     assert "plate" not in result.notes
     assert not bpy.ops.kiriko.simulate.poll()
-    with pytest.raises(RuntimeError, match="No part to simulate"):
+    with pytest.raises(RuntimeError, match="Nothing to simulate"):
         bpy.ops.kiriko.simulate()
 
 
