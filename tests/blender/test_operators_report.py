@@ -261,7 +261,7 @@ def test_what_goes_wrong_beside_a_report_does_not_lose_it(
 
     bpy.ops.kiriko.two_eyes()
     monkeypatch.setattr(module, "two_eyes", no_eyes)
-    monkeypatch.setattr(module, "sharpness", no_edges)
+    monkeypatch.setattr(module, "edge_sharpness", no_edges)
     out = tmp_path / "out"
     assert bpy.ops.kiriko.report(directory=str(out), seconds=0) == {"FINISHED"}
     assert names(out) == sorted([*NAMES, "head_box.svg"])
