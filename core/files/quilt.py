@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import MALFORMED, ImageError
-from ..rig.views import Size
+from ..rig.views import Size, tile_corner
 
 MARK = re.compile(r"_qs\d+x\d+(a[\d.]+)?$")
 ROWS_AT_ONCE = 64
@@ -29,11 +29,15 @@ def quilt_name(path: Path, tiling: Size, aspect: float) -> Path:
     return path.with_stem(f"{MARK.sub('', path.stem)}_qs{columns}x{rows}a{aspect:.5g}")
 
 
+def tile_size(quilt: NDArray, tiling: Size) -> Size:
+    """Width and height, px, of the tiles of a quilt (H, W, ...)."""
+    return quilt.shape[1] // tiling[0], quilt.shape[0] // tiling[1]
+
+
 def tile_of(quilt: NDArray, view: int, tiling: Size) -> NDArray:
     """One view (h, w, ...) of a quilt (H, W, ...), row 0 at the top."""
-    columns, rows = tiling
-    height, width = quilt.shape[0] // rows, quilt.shape[1] // columns
-    top, left = (rows - 1 - view // columns) * height, view % columns * width
+    width, height = size = tile_size(quilt, tiling)
+    left, top = tile_corner(view, tiling, size)
     return quilt[top : top + height, left : left + width]
 
 
@@ -150,7 +154,7 @@ def interlaced(quilt: NDArray[np.float32], tiling: Size, sheet: LensSheet) -> ND
     Views share the width of a lens evenly. Places are the nearest ones, so that no colours mix.
     """
     n = tiling[0] * tiling[1]
-    height, width = quilt.shape[0] // tiling[1], quilt.shape[1] // tiling[0]
+    width, height = size = tile_size(quilt, tiling)
     image = np.empty((sheet.height, sheet.width, 3), np.float32)
     column = ((np.arange(sheet.width) + 0.5) / sheet.width * width).astype(int)[:, None]
     colour = np.arange(3)
@@ -158,6 +162,6 @@ def interlaced(quilt: NDArray[np.float32], tiling: Size, sheet: LensSheet) -> ND
         rows = np.arange(first, min(first + ROWS_AT_ONCE, sheet.height))
         view = np.minimum((sheet.phase(rows) * n).astype(int), n - 1)
         row = ((rows + 0.5) / sheet.height * height).astype(int)[:, None, None]
-        top, left = (tiling[1] - 1 - view // tiling[0]) * height, view % tiling[0] * width
+        left, top = tile_corner(view, tiling, size)
         image[rows] = quilt[top + row, left + column, colour]
     return image

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats
 from ..files.encoding import encode
+from .simulation import LUMINANCE
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
 # Wang, Bovik, Sheikh and Simoncelli, Image quality assessment: from error visibility to structural
 # similarity, IEEE Trans. Image Processing 13, 2004, 600-612: window and constants
 WINDOW = np.exp(-0.5 * (np.arange(-5, 6) / 1.5) ** 2)

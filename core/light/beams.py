@@ -5,6 +5,7 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints
 from ..base.products import turn
 from ..base.vectors import dot
+from ..rig.views import tile_corner
 from .plan import Plan
 from .rays import Landings
 
@@ -42,7 +43,9 @@ def quilt_places(plan: Plan, landings: Landings, dither: Floats | float = 0.0) -
     with np.errstate(invalid="ignore"):
         is_in = ((beam >= 0) & (beam < [views.columns, views.rows])).all(axis=1)
     column, row = np.where(is_in[:, None], beam, 0).astype(np.int64).T
-    corner = np.stack(views.tile(row * views.columns + column, display.size), axis=1)
+    corner = np.stack(
+        tile_corner(row * views.columns + column, views.tiling(display.size), display.size), axis=1
+    )
     return np.where(is_in[:, None], landings.xy + corner, np.nan)
 
 

@@ -34,10 +34,6 @@ class Index:
     def check(self, owner: str) -> None:
         """Raise RigError for numbers out of bounds."""
 
-    def __call__(self, wavelength: float) -> float:
-        """The same, for scripts written for 0.1."""
-        return self.at(wavelength)
-
 
 @dataclass(frozen=True)
 class ConstantIndex(Index):
@@ -145,9 +141,3 @@ class ShiftedIndex(Index):
     def at(self, wavelength: float) -> float:
         """Index of refraction at a wavelength, m; raises RigError outside the formula's span."""
         return self.nd + (self.formula.at(wavelength) - self.formula.at(WAVELENGTH))
-
-
-def abbe_number(index: Index) -> float:
-    """Abbe number of an index; infinite without dispersion."""
-    between = index.at(F_LINE) - index.at(C_LINE)
-    return (index.at(WAVELENGTH) - 1) / between if between else np.inf

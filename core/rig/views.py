@@ -21,6 +21,15 @@ HALF_TURN = 180.0  # degrees
 LEAST_WIDTH = 1e-12  # of a beam, in views
 
 
+def tile_corner(view: Ints | int, tiling: Size, size: Size) -> tuple[Ints, Ints]:
+    """Left and upper corner, px, of the tiles of views (n,) in a quilt of a tiling.
+
+    size : of a tile, px
+    """
+    columns, rows = tiling
+    return view % columns * size[0], (rows - 1 - view // columns) * size[1]
+
+
 @dataclass(frozen=True)
 class Views:
     """The views of a display.
@@ -93,14 +102,9 @@ class Views:
         columns, rows = self.tiling(size)
         return columns * size[0], rows * size[1]
 
-    def tile(self, view: Ints | int, size: Size) -> tuple[Ints, Ints]:
-        """Left and upper corner, px, of the tiles of views (n,) in the quilt."""
-        columns, rows = self.tiling(size)
-        return view % columns * size[0], (rows - 1 - view // columns) * size[1]
-
     def in_quilt(self, pixel: Ints, view: Ints, size: Size) -> Ints:
         """Pixels (n,) of the quilt, row by row, for pixels (n,) of views (n,)."""
-        left, top = self.tile(view, size)
+        left, top = tile_corner(view, self.tiling(size), size)
         width = self.quilt_size(size)[0]
         return (pixel // size[0] + top) * width + pixel % size[0] + left
 

@@ -16,7 +16,7 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-from known.closed_forms import landing, through_ball, through_slab
+from known.closed_forms import abbe_number, landing, through_ball, through_slab
 from known.reference_rigs import ball_rig, box
 from known.reference_rigs import rig as rig_of
 from known.registered import registered
@@ -32,7 +32,7 @@ from kiriko.core.light.compile_plan import compile_plan  # noqa: E402
 from kiriko.core.light.rays import main_landings  # noqa: E402
 from kiriko.core.light.trace import trace_all  # noqa: E402
 from kiriko.core.rig.catalogue import GLASSES  # noqa: E402
-from kiriko.core.rig.dispersion import SRGB_PRIMARIES, ConstantIndex, abbe_number  # noqa: E402
+from kiriko.core.rig.dispersion import SRGB_PRIMARIES, ConstantIndex  # noqa: E402
 from kiriko.core.rig.rig import Rig  # noqa: E402
 from kiriko.core.rig.settings import Settings  # noqa: E402
 from kiriko.core.solve.session import Session  # noqa: E402

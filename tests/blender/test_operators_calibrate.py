@@ -307,7 +307,7 @@ def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
     assert np.allclose(found.display.mesh.vertices, wanted.display.mesh.vertices, atol=1e-6)
     assert np.allclose(found.viewer.axes, wanted.viewer.axes, atol=1e-6)
     assert np.allclose(found.viewer.window, wanted.viewer.window, rtol=1e-5)
-    assert found.glasses[0].ior(0) == pytest.approx(wanted.glasses[0].ior(0), abs=1e-6)
+    assert found.glasses[0].ior.at(0) == pytest.approx(wanted.glasses[0].ior.at(0), abs=1e-6)
 
     corners = bench.lattice.Lattice(2, 2, 0.0).uv
     seen = bench.picture.view_of_picture(found.picture_place, found.viewer, corners)

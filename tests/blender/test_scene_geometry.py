@@ -337,7 +337,7 @@ def test_driver_and_animation(read, scene):
         assert found.mesh.vertices.mean(axis=0) == pytest.approx(
             [frame - 1, frame * 2, 0], abs=1e-5
         )
-        assert found.ior(5e-7) == pytest.approx(1.5 + frame / 100, rel=1e-6)
+        assert found.ior.at(5e-7) == pytest.approx(1.5 + frame / 100, rel=1e-6)
 
 
 def test_mesh_in_edit_mode(read):

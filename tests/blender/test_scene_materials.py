@@ -55,7 +55,7 @@ def add_glass(*materials: bpy.types.Material) -> bpy.types.Object:
 
 
 def index(reading: Any) -> float:
-    return reading.rig.glasses[0].ior(587.6e-9)
+    return reading.rig.glasses[0].ior.at(587.6e-9)
 
 
 @pytest.mark.every_blender

@@ -21,11 +21,10 @@ from kiriko.core.rig.dispersion import (
     AbbeIndex,
     ConstantIndex,
     ShiftedIndex,
-    abbe_number,
 )
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from known.closed_forms import landing, through_ball, through_slab
+from known.closed_forms import abbe_number, landing, through_ball, through_slab
 from known.reference_rigs import ball_rig, box, lattice_image, rig
 from known.work import drain, solve
 

@@ -166,7 +166,7 @@ def index_at(glasses, points):
     volume = [abs(np.linalg.det(g.mesh.corners).sum()) for g in glasses]
     found = np.ones(len(points))
     for k in sorted(range(len(glasses)), key=lambda k: (glasses[k].priority, -volume[k])):
-        found[parity(glasses[k].mesh, points)] = glasses[k].ior(0)
+        found[parity(glasses[k].mesh, points)] = glasses[k].ior.at(0)
     return found
 
 

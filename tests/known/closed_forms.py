@@ -338,3 +338,9 @@ def through_wavy_slab(o, d, size, thickness, amplitude, n, grazing=GRAZING):
     bend = min(size / 2, 1 / max(amplitude * (6 * np.pi / size) ** 2, 1e-300))
     bound = np.linalg.norm([size / 2, thickness / 2 + amplitude, size / 2])
     return last(*follow(o, d, parts, n, bound, bend, grazing))
+
+
+def abbe_number(index):
+    """V = (nd - 1) / (nF - nC) of an index; infinite without dispersion."""
+    between = index.at(486.1327e-9) - index.at(656.2725e-9)
+    return (index.at(587.6e-9) - 1) / between if between else np.inf

@@ -28,7 +28,7 @@ def exact_source(a_rig, index, radius=0.025, along=33):
     target = (corner[:, None] + np.stack([x.ravel(), y.ravel()], axis=1)).reshape(-1, 2)
 
     def lands(xy):
-        return landing(a_rig, *through_ball(*viewer.rays(xy), radius, a_rig.glasses[0].ior(550)))
+        return landing(a_rig, *through_ball(*viewer.rays(xy), radius, a_rig.glasses[0].ior.at(550)))
 
     view = _settled(lands, _guesses(lands, viewer, corner + 0.5), target)
     view = view.reshape(len(index), NODES, NODES, 2)
