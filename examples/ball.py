@@ -2,10 +2,7 @@
 
 import numpy as np
 
-from kiriko.core.base.steps import run_steps
-from kiriko.core.files.image_io import write
-from kiriko.core.rig.rig import Display, Glass, Mesh, Picture, Plate, Rig, Viewer
-from kiriko.core.solve.session import Session
+from kiriko_optics import Display, Glass, Mesh, Picture, Plate, Rig, Viewer, solve, write
 
 x, y, z = np.eye(3)  # metres; the viewer looks along y
 
@@ -34,7 +31,7 @@ rig = Rig(
     displays=(Display("Display", square(0.15 * (y - z), x, y, 0.05), 512, 512),),
     pictures=(Picture("Rings", image, square(0 * y, x, z, 0.03)),),
 )
-solution = run_steps(Session().solve(rig))
+solution = solve(rig)
 error = np.sqrt(np.mean((solution.seen() - solution.ideal()) ** 2))
 print(f"{solution.n_rays} rays, RMSE of the seen image {error:.5f}, white is 1")
 write("source.png", solution.source, "PNG8", overwrite=True)

@@ -190,12 +190,15 @@ def set_up(name: str, python: Path) -> Path:
 
 
 def link_package() -> Path:
-    """Folder in which the checkout is called `kiriko`, whatever its own name is."""
-    link = DEV / "link" / "kiriko"
-    link.parent.mkdir(parents=True, exist_ok=True)
-    if not link.is_symlink():
-        link.symlink_to(ROOT, target_is_directory=True)
-    return link.parent
+    """Folder in which the checkout is called `kiriko`, whatever its own name is, and core is called
+    `kiriko_optics`, as in its package.
+    """
+    folder = DEV / "link"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, place in {"kiriko": ROOT, "kiriko_optics": ROOT / "core"}.items():
+        if not (folder / name).is_symlink():
+            (folder / name).symlink_to(place, target_is_directory=True)
+    return folder
 
 
 # System libraries

@@ -19,6 +19,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import build_kernel
+import wheels as wheels_of
 from environments import (
     MANUAL,
     ToolError,
@@ -113,15 +114,15 @@ def build(is_manual_kept: bool, is_for_here: bool) -> None:
     targets = [target for target in build_kernel.TARGETS if target == here or not is_for_here]
     systems = {system(target.tag) for target in targets}
     wheels = [w for w in manifest["wheels"] if system(Path(w).stem.rpartition("-")[2]) in systems]
-    build_kernel.make_wheels(targets)
+    wheels_of.make_kernels(targets)
     for wheel in wheels:
         name = Path(wheel).name
         if not name.startswith(build_kernel.MODULE):
             fetch_wheel(ROOT / wheel)
         elif not (ROOT / wheel).exists():
             sys.exit(
-                f"The manifest lists {name}, and the kernel's sources make version"
-                f" {build_kernel.version()}: write that into the manifest."
+                f"The manifest lists {name}, and the kernel has another version: write that of"
+                " scripts/packages/kernel/pyproject.toml into the manifest."
             )
 
     if not is_manual_kept:

@@ -8,6 +8,8 @@ from zipfile import ZipFile
 import pytest
 
 import build_kernel
+import wheels
+from packages.kernel import compile_kernel
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 MANIFEST = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
@@ -57,7 +59,7 @@ def test_zip_has_its_own_kernel(contents, kernels, platform):
     (wheel,) = (
         name for name in contents[platform] if Path(name).name.startswith(build_kernel.MODULE)
     )
-    assert Path(wheel).name == build_kernel.wheel_name(KERNELS[platform])
+    assert Path(wheel).name == wheels.kernel_wheel(KERNELS[platform])
     assert len(kernels[platform]) < 200_000
 
 
@@ -95,7 +97,7 @@ def test_zip_without_embreex_is_like_the_others(zips, contents, platform):
 
     assert generated["platforms"] == [platform.replace("_", "-")]
     assert [Path(wheel).name for wheel in generated["wheels"]] == [
-        build_kernel.wheel_name(KERNELS[platform])
+        wheels.kernel_wheel(KERNELS[platform])
     ]
 
 
@@ -133,19 +135,28 @@ def test_zip_has_the_manual(zips, platform):
     assert not [name for name in names if name.endswith((".map", ".md", ".gz"))]
 
 
-def test_another_kernel_is_another_wheel(monkeypatch, tmp_path):
-    """Blender keeps an installed wheel of the same name and version: a changed
-    source has to change it, or an update would go on with the old library.
+def test_a_changed_kernel_needs_a_new_version(monkeypatch, tmp_path):
+    """Blender keeps an installed wheel of the same name and version, so an update with changed
+    sources would go on with the old library: the build refuses them.
     """
-    target = build_kernel.TARGETS[0]
-    before = build_kernel.wheel_name(target)
-    for path in build_kernel.SOURCES.glob("*.[ch]"):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    monkeypatch.setattr(build_kernel, "SOURCES", tmp_path)
-    assert build_kernel.wheel_name(target) == before
-    with (tmp_path / "kiriko.h").open("a") as header:
+    compile_kernel.check_version(build_kernel.SOURCES)
+    copytree(build_kernel.SOURCES, tmp_path / "sources")
+    with (tmp_path / "sources" / "kiriko.h").open("a") as header:
         header.write("\n")
-    assert build_kernel.wheel_name(target) != before
+    with pytest.raises(SystemExit, match=r"raise the version in .*kernel/pyproject\.toml"):
+        compile_kernel.check_version(tmp_path / "sources")
+
+
+def test_packages_have_one_version():
+    """The extension, the kernel's compiler and the packages agree on versions."""
+    kernel = compile_kernel.configuration()
+    optics = tomllib.loads((wheels.PACKAGES / "optics" / "pyproject.toml").read_text("utf-8"))
+    extras = optics["project"]["optional-dependencies"]
+    assert extras["kernel"] == [f"kiriko-kernel=={kernel['project']['version']}"]
+    assert optics["project"]["version"] == MANIFEST["version"]
+    pins = (ROOT / "scripts" / "requirements-kernel.txt").read_text(encoding="utf-8")
+    for one in (*kernel["build-system"]["requires"], *optics["build-system"]["requires"]):
+        assert f"{one} " in pins
 
 
 def test_bundled_embreex_is_the_tested_one():

@@ -1,0 +1,1 @@
+"""The compiled kernel of Kiriko: a shared library that kiriko-optics loads."""
