@@ -190,14 +190,19 @@ def set_up(name: str, python: Path) -> Path:
 
 
 def link_package() -> Path:
-    """Folder in which the checkout is called `kiriko`, whatever its own name is, and core is called
-    `kiriko_optics`, as in its package.
+    """Folder with the checkout as the package `kiriko`, whatever its own name is, and with
+    `kiriko_optics` as pip installs it.
     """
     folder = DEV / "link"
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, place in {"kiriko": ROOT, "kiriko_optics": ROOT / "core"}.items():
-        if not (folder / name).is_symlink():
-            (folder / name).symlink_to(place, target_is_directory=True)
+    optics = folder / "kiriko_optics"
+    optics.mkdir(parents=True, exist_ok=True)
+    sources = ROOT / "scripts" / "packages" / "optics" / "kiriko_optics"
+    links = {folder / "kiriko": ROOT, optics / "_core": ROOT / "core"}
+    for link, place in (
+        links | {optics / path.name: path for path in sources.glob("*.py*")}
+    ).items():
+        if not link.is_symlink():
+            link.symlink_to(place, target_is_directory=place.is_dir())
     return folder
 
 

@@ -35,7 +35,7 @@ def staged(name: str) -> Iterator[Path]:
             for path in sorted(SOURCES.glob("*.[ch]")):
                 shutil.copy(path, folder / "native")
         else:
-            shutil.copytree(ROOT / "core", folder / "kiriko_optics", ignore=NOT_IN_OPTICS)
+            shutil.copytree(ROOT / "core", folder / "kiriko_optics" / "_core", ignore=NOT_IN_OPTICS)
             shutil.copytree(ROOT / "examples", folder / "examples")
         yield folder
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from kiriko_optics import solve
-from kiriko_optics.files.png import is_whole
-from kiriko_optics.solve.solution import without_glass
+from kiriko_optics._core.files.png import is_whole
+from kiriko_optics._core.solve.solution import without_glass
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "ball.py"

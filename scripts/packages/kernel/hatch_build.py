@@ -9,7 +9,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 sys.path.insert(0, str(Path(__file__).parent))  # noqa: TID251 - a build has nothing else to import
-from compile_kernel import TARGETS, check_version, compile_library, this_target  # noqa: E402
+from compile_kernel import TARGETS, check_version, compile_library, this_target
 
 PLATFORM = "KIRIKO_KERNEL_PLATFORM"  # environment variable: the platform of the wheel, or this one
 
