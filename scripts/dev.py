@@ -128,6 +128,11 @@ def build(arguments: argparse.Namespace) -> None:
     run([set_up(*newest_blender()), ROOT / "scripts" / "package.py"])
 
 
+def release(arguments: argparse.Namespace) -> None:
+    """Make the files of a release and its web site, into out/release/."""
+    run([set_up(*newest_blender()), ROOT / "scripts" / "release.py"])
+
+
 def setup(arguments: argparse.Namespace) -> None:
     """Set up every environment whose Python is found."""
     newest_blender()  # it says which Python to install when none is found
@@ -137,7 +142,7 @@ def setup(arguments: argparse.Namespace) -> None:
     build_kernel.provide()
 
 
-OWN = {verb.__name__: verb for verb in (test, lint, build, setup)}
+OWN = {verb.__name__: verb for verb in (test, lint, build, release, setup)}
 
 
 def main() -> None:

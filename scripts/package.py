@@ -17,9 +17,9 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
-import build_kernel
-import wheels as wheels_of
+from build_kernel import MODULE, TARGETS, Target, this_target
 from environments import (
     MANUAL,
     ToolError,
@@ -29,11 +29,13 @@ from environments import (
     python_path,
     set_up,
 )
+from wheels import make_kernels
 
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
 # folders of the checkout outside of all zips
 UNPACKED = (".dev", ".git", "dist", "docs", "out", "scripts", "tests")
+DISTRIBUTIONS_PYTHON = "cp314"  # of Arch Linux, Fedora and others, which build Blender themselves
 WHEELS_PINS = ROOT / "scripts" / "requirements-wheels.txt"
 
 
@@ -51,7 +53,8 @@ def extension_tool(*arguments: str | Path) -> None:
     (scripts,) = bpy.glob("*/scripts")
     tags = scripts / "modules" / "_bpy_internal" / "extensions" / "tags.py"
     tool = scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
-    run(tool, *arguments, f"--valid-tags={tags}")
+    has_tags = arguments[0] in ("build", "validate")
+    run(tool, *arguments, *([f"--valid-tags={tags}"] if has_tags else []))
 
 
 def fetch_wheel(path: Path) -> None:
@@ -93,7 +96,7 @@ def system(tag: str) -> str:
 
 
 @contextmanager
-def source_for(target: build_kernel.Target, wheels: Sequence[str]) -> Iterator[Path]:
+def source_for(target: Target, wheels: Sequence[str]) -> Iterator[Path]:
     """A copy of the checkout with one platform in its manifest, and these wheels."""
     manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
     for name, values in (("platforms", [target.platform]), ("wheels", wheels)):
@@ -108,22 +111,16 @@ def source_for(target: build_kernel.Target, wheels: Sequence[str]) -> Iterator[P
 
 
 def build(is_manual_kept: bool, is_for_here: bool) -> None:
-    """Rebuild dist/: one valid zip for each platform, or only for this machine's."""
+    """Rebuild dist/: one valid zip for each platform, or only for this machine's; and one for Python
+    3.14 of Linux distributions.
+    """
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-    here = build_kernel.this_target()
-    targets = [target for target in build_kernel.TARGETS if target == here or not is_for_here]
+    here = this_target()
+    targets = [target for target in TARGETS if target == here or not is_for_here]
     systems = {system(target.tag) for target in targets}
     wheels = [w for w in manifest["wheels"] if system(Path(w).stem.rpartition("-")[2]) in systems]
-    wheels_of.make_kernels(targets)
-    for wheel in wheels:
-        name = Path(wheel).name
-        if not name.startswith(build_kernel.MODULE):
-            fetch_wheel(ROOT / wheel)
-        elif not (ROOT / wheel).exists():
-            sys.exit(
-                f"The manifest lists {name}, and the kernel has another version: write that of"
-                " scripts/packages/kernel/pyproject.toml into the manifest."
-            )
+    make_kernels(targets)
+    fetch(wheels)
 
     if not is_manual_kept:
         make_manual()
@@ -133,13 +130,39 @@ def build(is_manual_kept: bool, is_for_here: bool) -> None:
     with source_for(targets[0], wheels) if is_for_here else nullcontext(ROOT) as source:
         extension_tool("validate", source)
         extension_tool("build", "--source-dir", source, "--output-dir", DIST, "--split-platforms")
-    zips = sorted(DIST.glob("kiriko-*.zip"))
+    if len(list(DIST.glob("kiriko-*.zip"))) != len(targets):
+        sys.exit(f"dist/ has not one zip for each of {len(targets)} platforms: see the output above.")
 
-    if len(zips) != len(targets):
-        sys.exit(f"dist/ has {len(zips)} zips for {len(targets)} platforms: see the output above.")
-
-    for path in zips:
+    if not is_for_here:
+        build_for_distributions(manifest)
+    for path in DIST.glob("kiriko-*.zip"):
         extension_tool("validate", path)
+
+
+def build_for_distributions(manifest: dict[str, Any]) -> None:
+    """Build the zip for Linux distributions whose Blender has their own Python."""
+    target = next(one for one in TARGETS if one.platform == "linux-x64")
+    own = [w for w in manifest["wheels"] if system(target.tag) == system(Path(w).stem.split("-")[-1])]
+    wheels = [w for w in own if "-py3-" in w] + [
+        re.sub("cp313", DISTRIBUTIONS_PYTHON, w) for w in own if "-cp313-" in w
+    ]
+    fetch(wheels)
+    name = f"kiriko-{manifest['version']}-linux_x64-{DISTRIBUTIONS_PYTHON}.zip"
+    with source_for(target, wheels) as source:
+        extension_tool("build", "--source-dir", source, "--output-filepath", DIST / name)
+
+
+def fetch(wheels: Sequence[str]) -> None:
+    """Download all wheels but the kernel's, which has to be built already."""
+    for wheel in wheels:
+        name = Path(wheel).name
+        if not name.startswith(MODULE):
+            fetch_wheel(ROOT / wheel)
+        elif not (ROOT / wheel).exists():
+            sys.exit(
+                f"The manifest lists {name}, and the kernel has another version: write that of"
+                " scripts/packages/kernel/pyproject.toml into the manifest."
+            )
 
 
 if __name__ == "__main__":

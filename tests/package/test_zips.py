@@ -44,11 +44,19 @@ def test_one_zip_for_each_platform(contents):
 @each_of(WHEEL_ENDS)
 def test_zip_has_its_own_wheels(contents, platform):
     """A zip bundles embreex for its own platform, once for each
-    Python of Blender 4.2 - 5.2 and distributions.
+    Python of Blender 4.2 - 5.2.
     """
     wheels = [name for name in contents[platform] if Path(name).name.startswith("embreex")]
     assert all(name.endswith(f"{WHEEL_ENDS[platform]}.whl") for name in wheels)
-    assert sorted(Path(name).name.split("-")[2] for name in wheels) == ["cp311", "cp313", "cp314"]
+    assert sorted(Path(name).name.split("-")[2] for name in wheels) == ["cp311", "cp313"]
+
+
+@LONG
+def test_one_zip_is_for_the_python_of_distributions():
+    """Its wheels are those of Linux for Python 3.14, so a repository offers it to those alone."""
+    (path,) = ROOT.glob("dist/kiriko-*-linux_x64-cp314.zip")
+    found = [Path(name).name for name in ZipFile(path).namelist() if name.endswith(".whl")]
+    assert sorted(name.split("-")[2] for name in found) == ["cp314", "py3"]
 
 
 @each_of(ZIPS)
