@@ -131,7 +131,9 @@ def build(is_manual_kept: bool, is_for_here: bool) -> None:
         extension_tool("validate", source)
         extension_tool("build", "--source-dir", source, "--output-dir", DIST, "--split-platforms")
     if len(list(DIST.glob("kiriko-*.zip"))) != len(targets):
-        sys.exit(f"dist/ has not one zip for each of {len(targets)} platforms: see the output above.")
+        sys.exit(
+            f"dist/ has not one zip for each of {len(targets)} platforms: see the output above."
+        )
 
     if not is_for_here:
         build_for_distributions(manifest)
@@ -142,7 +144,9 @@ def build(is_manual_kept: bool, is_for_here: bool) -> None:
 def build_for_distributions(manifest: dict[str, Any]) -> None:
     """Build the zip for Linux distributions whose Blender has their own Python."""
     target = next(one for one in TARGETS if one.platform == "linux-x64")
-    own = [w for w in manifest["wheels"] if system(target.tag) == system(Path(w).stem.split("-")[-1])]
+    own = [
+        w for w in manifest["wheels"] if system(target.tag) == system(Path(w).stem.split("-")[-1])
+    ]
     wheels = [w for w in own if "-py3-" in w] + [
         re.sub("cp313", DISTRIBUTIONS_PYTHON, w) for w in own if "-cp313-" in w
     ]

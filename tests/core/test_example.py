@@ -1,8 +1,11 @@
 """The example of plain arrays, which is also the README's."""
 
+import json
 import re
 import runpy
+import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,3 +43,19 @@ def test_the_readme_has_the_example(readme: str) -> None:
     """The README's Python is the file, word for word."""
     text = (ROOT / readme).read_text(encoding="utf-8")
     assert f"```python\n{EXAMPLE.read_text(encoding='utf-8')}```\n" in text
+
+
+def test_the_notebook_keeps_its_tolerances(tmp_path, monkeypatch, capsys) -> None:
+    """Its cells run in order, and no error of the landings is above its tolerance."""
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    shutil.copytree(EXAMPLE.parent, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads((tmp_path / "ball.ipynb").read_text(encoding="utf-8"))
+    names: dict[str, Any] = {}
+    for cell in notebook["cells"]:
+        assert not cell.get("outputs")
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    assert (names["errors"] < names["tolerances"]).all()
+    assert len(capsys.readouterr().out.splitlines()) == 1 + len(names["tolerances"])

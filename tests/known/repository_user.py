@@ -32,7 +32,7 @@ def main(folder: Path, address: str, new: Path) -> None:
     bpy.ops.extensions.repo_sync(**here)
     bpy.ops.extensions.package_install(**here, pkg_id="kiriko", enable_on_install=True)
     assert module in preferences.addons
-    print(f"USER installed {installed(place)}")
+    sys.stdout.write(f"USER installed {installed(place)}\n")
 
     for path in folder.glob("*.zip"):
         path.unlink()
@@ -40,15 +40,15 @@ def main(folder: Path, address: str, new: Path) -> None:
     package.extension_tool("server-generate", "--repo-dir", folder, "--html")
     bpy.ops.extensions.repo_sync(**here)
     bpy.ops.extensions.package_upgrade_all()
-    print(f"USER updated to {installed(place)}")
+    sys.stdout.write(f"USER updated to {installed(place)}\n")
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.preferences.addon_enable(module=module)
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
-    print(f"USER solved {bpy.ops.kiriko.solve()}")
+    sys.stdout.write(f"USER solved {bpy.ops.kiriko.solve()}\n")
 
     bpy.ops.extensions.package_uninstall(**here, pkg_id="kiriko")
-    print(f"USER removed {not place.exists() and module not in preferences.addons}")
+    sys.stdout.write(f"USER removed {not place.exists() and module not in preferences.addons}\n")
 
 
 if __name__ == "__main__":
