@@ -14,6 +14,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 SIDE = 192  # samples along each side of the viewer's image
+RINGS = 24  # of the picture, each colour
 # steps of an even sequence in a square: inverse powers of the plastic number
 STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
@@ -30,15 +31,18 @@ def samples(size):
 def picture():
     """The picture (1024, 1024, 3), linear: rings in each colour that get finer outward."""
     y, x = (np.mgrid[:1024, :1024] + 0.5) / 1024 - 0.5
-    phase = np.pi * 100 * (x * x + y * y)
+    phase = np.pi * RINGS * (x * x + y * y)
     return np.stack([0.5 + 0.5 * np.cos(phase + shift) for shift in (0, 2, 4)], axis=2)
 
 
+def numbers(name):
+    """A rig without its mesh."""
+    return json.loads((HERE / "rigs" / name / "rig.json").read_text(encoding="utf-8"))
+
+
 def load(name):
-    """A rig: its numbers, and its reference landings (192 * 192, 2), display px, NaN for none."""
-    folder = HERE / "rigs" / name
-    rig = json.loads((folder / "rig.json").read_text(encoding="utf-8"))
-    return rig, np.load(folder / "landings.npy")
+    """A rig, and its reference landings (192 * 192, 2), display px, NaN for none."""
+    return numbers(name), np.load(HERE / "rigs" / name / "landings.npy")
 
 
 def ideal(rig):
@@ -62,7 +66,9 @@ def plane(corners):
 
 
 def lookup(image, x, y):
-    """Bilinear values (n, 3) of an image (h, w, 3) at x, y in 0..1, right and down; black outside."""
+    """Bilinear values (n, 3) of an image (h, w, 3) at x, y in 0..1, right and down; black outside
+    of it.
+    """
     height, width = image.shape[:2]
     column, row = x * width - 0.5, y * height - 0.5
     at_left, at_top = np.floor(column).astype(int), np.floor(row).astype(int)
@@ -76,7 +82,7 @@ def lookup(image, x, y):
 
 
 def seen(rig, landings, source):
-    """A source image (H, W, 3) at the samples, (192 * 192, 3): the display pixel of each landing."""
+    """A source image (H, W, 3) at the samples, (192 * 192, 3): the pixel of each landing."""
     height, width = source.shape[:2]
     with np.errstate(invalid="ignore"):
         is_lit = ((landings >= 0) & (landings < [width, height])).all(axis=1)
@@ -118,6 +124,7 @@ def ssim(one, other):
     """Mean structural similarity of two images (h, w, 3) with values 0..1, by windows of 7 x 7
     samples (Wang et al. 2004, doi 10.1109/TIP.2003.819861).
     """
+
     def mean(values):
         sums = np.cumsum(np.cumsum(np.pad(values, ((1, 0), (1, 0), (0, 0))), axis=0), axis=1)
         return (sums[7:, 7:] - sums[:-7, 7:] - sums[7:, :-7] + sums[:-7, :-7]) / 49
@@ -135,7 +142,11 @@ def scores(folder):
     for path in sorted((HERE / "rigs").iterdir()):
         name = path.name
         rig, landings = load(name)
-        for suffix, score in ((".npy", score_image), (".source.npy", score_image), (".map.npy", score_map)):
+        for suffix, score in (
+            (".npy", score_image),
+            (".source.npy", score_image),
+            (".map.npy", score_map),
+        ):
             if (file := Path(folder, name + suffix)).exists():
                 yield name, score(rig, landings, np.load(file).astype(float))
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-
 import score
+
 from kiriko_optics import Display, Glass, Mesh, Picture, Plate, Rig, Viewer, solve
 
 
@@ -48,7 +48,7 @@ def rectangle(corners):
 
 def read(name):
     """The rig of a name."""
-    numbers, _ = score.load(name)
+    numbers = score.numbers(name)
     viewer, display = numbers["viewer"], numbers["display"]
     surface = "smooth" if name == "reference_ball" else "facets"
     mesh = read_glass(score.HERE / "rigs" / name / "glass.ply", surface)

@@ -58,6 +58,7 @@ SCRIPTS = {
     "demo": Script("demo", "solve, render and measure the reference rigs, into out/"),
     "bench": Script("bench.solve", "seconds and memory of solves and of their stages"),
     "marks": Script("bench.marks", "time and error next to Mitsuba and the splat", BENCH),
+    "benchmark": Script("bench.benchmark", "kiriko-bench, made, solved and scored", BENCH),
     "live": Script("bench.live", "updates a second of Live"),
     "extremes": Script("bench.extremes", "stiff and extreme cases: right, or refused"),
     "hashes": Script("bench.hashes", "hashes of landings, maps and source images"),

@@ -111,8 +111,8 @@ def source_for(target: Target, wheels: Sequence[str]) -> Iterator[Path]:
 
 
 def build(is_manual_kept: bool, is_for_here: bool) -> None:
-    """Rebuild dist/: one valid zip for each platform, or only for this machine's; and one for Python
-    3.14 of Linux distributions.
+    """Rebuild dist/: a valid zip for each platform, or only for this machine's; and one for Linux
+    distributions.
     """
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     here = this_target()

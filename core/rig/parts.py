@@ -48,8 +48,10 @@ def _check_preference(owner: str, value: str) -> None:
 class Glass(Part):
     """A glass object: one or more closed shells. Shells inside shells are cavities (air).
 
-    `priority` decides between overlapping solids: higher wins; among equals the smaller solid does.
-
+    Parameters
+    ----------
+    ior : index of refraction, or a number
+    priority : decides between overlapping solids: higher wins; among equals the smaller solid does
     reflects : its faces split light by Fresnel's equations, so a reflection may carry the picture
     prefers : path of the picture if light arrives by both
     absorption : 1/m, of red, green and blue light, by Beer and Lambert's law; it counts with
@@ -63,6 +65,10 @@ class Glass(Part):
     reflects: bool = False
     prefers: Preference = "brighter"
     absorption: tuple[float, float, float] = CLEAR
+
+    def __post_init__(self) -> None:
+        if isinstance(self.ior, int | float):
+            object.__setattr__(self, "ior", ConstantIndex(float(self.ior)))
 
     @property
     def splits(self) -> bool:

@@ -48,17 +48,21 @@ import solve  # noqa: E402
 
 RADIUS = 0.025  # m, of the ball
 EMBREEX_SPP = 4
-NAMES = ["reference_ball", "reference_cube", *(name.replace(", ", "_").replace(" ", "_") for name in GLASSES)]
+NAMES = [
+    "reference_ball",
+    "reference_cube",
+    *(name.replace(", ", "_").replace(" ", "_") for name in GLASSES),
+]
 
 
 def drawn(name: str) -> Rig:
     """The rig of a name, made anew."""
     if name == "reference_ball":
-        return ball_rig(5, image=zone_plate())
+        return ball_rig(5, image=zone_plate(rings=score.RINGS))
     if name == "reference_cube":
-        return cube_rig(image=zone_plate())
+        return cube_rig(image=zone_plate(rings=score.RINGS))
     mesh, index = made(GLASSES[NAMES.index(name) - 2])
-    return glass_rig(mesh, ior=index, image=zone_plate())
+    return glass_rig(mesh, ior=index, image=zone_plate(rings=score.RINGS))
 
 
 def numbers_of(a_rig: Rig) -> dict[str, Any]:
