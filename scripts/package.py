@@ -34,7 +34,7 @@ from wheels import make_kernels
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
 # folders of the checkout outside of all zips
-UNPACKED = (".dev", ".git", "dist", "docs", "out", "scripts", "tests")
+UNPACKED = (".dev", ".git", "benchmark", "dist", "docs", "out", "scripts", "tests")
 DISTRIBUTIONS_PYTHON = "cp314"  # of Arch Linux, Fedora and others, which build Blender themselves
 WHEELS_PINS = ROOT / "scripts" / "requirements-wheels.txt"
 
