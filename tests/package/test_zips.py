@@ -162,6 +162,8 @@ def test_packages_have_one_version():
     extras = optics["project"]["optional-dependencies"]
     assert extras["kernel"] == [f"kiriko-kernel=={kernel['project']['version']}"]
     assert optics["project"]["version"] == MANIFEST["version"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {MANIFEST['version']}\n" in citation
     pins = (ROOT / "scripts" / "requirements-kernel.txt").read_text(encoding="utf-8")
     for one in (*kernel["build-system"]["requires"], *optics["build-system"]["requires"]):
         assert f"{one} " in pins
