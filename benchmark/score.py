@@ -15,6 +15,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 SIDE = 192  # samples along each side of the viewer's image
 RINGS = 24  # of the picture, each colour
+FADE = 0.1  # of its side, along its border
 # steps of an even sequence in a square: inverse powers of the plastic number
 STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
@@ -29,10 +30,19 @@ def samples(size):
 
 
 def picture():
-    """The picture (1024, 1024, 3), linear: rings in each colour that get finer outward."""
+    """The picture (1024, 1024, 3), linear: rings in each colour that get finer outward, and fade to
+    black at the border, or its jump would be most of the error.
+    """
     y, x = (np.mgrid[:1024, :1024] + 0.5) / 1024 - 0.5
     phase = np.pi * RINGS * (x * x + y * y)
-    return np.stack([0.5 + 0.5 * np.cos(phase + shift) for shift in (0, 2, 4)], axis=2)
+    inward = np.clip((0.5 - np.maximum(abs(x), abs(y))) / FADE, 0, 1)
+    fade = inward * inward * (3 - 2 * inward)
+    return np.stack([fade * (0.5 + 0.5 * np.cos(phase + shift)) for shift in (0, 2, 4)], axis=2)
+
+
+def names():
+    """Names of the rigs."""
+    return sorted(path.name for path in (HERE / "rigs").iterdir())
 
 
 def numbers(name):
@@ -70,7 +80,8 @@ def lookup(image, x, y):
     of it.
     """
     height, width = image.shape[:2]
-    column, row = x * width - 0.5, y * height - 0.5
+    is_inside = (x >= 0) & (x <= 1) & (y >= 0) & (y <= 1)  # and no NaN
+    column, row = np.where(is_inside, x, 0) * width - 0.5, np.where(is_inside, y, 0) * height - 0.5
     at_left, at_top = np.floor(column).astype(int), np.floor(row).astype(int)
     found = np.zeros((len(x), 3))
     for dy in (0, 1):
@@ -78,16 +89,13 @@ def lookup(image, x, y):
             weight = np.abs(1 - dx - (column - at_left)) * np.abs(1 - dy - (row - at_top))
             rows = np.clip(at_top + dy, 0, height - 1)
             found += weight[:, None] * image[rows, np.clip(at_left + dx, 0, width - 1)]
-    return found * ((x >= 0) & (x <= 1) & (y >= 0) & (y <= 1))[:, None]
+    return found * is_inside[:, None]
 
 
 def seen(rig, landings, source):
-    """A source image (H, W, 3) at the samples, (192 * 192, 3): the pixel of each landing."""
+    """A source image (H, W, 3) at the samples, (192 * 192, 3): bilinear, at each landing."""
     height, width = source.shape[:2]
-    with np.errstate(invalid="ignore"):
-        is_lit = ((landings >= 0) & (landings < [width, height])).all(axis=1)
-    column, row = np.where(is_lit[:, None], landings, 0).astype(int).T
-    return source[row, column] * is_lit[:, None]
+    return lookup(source, *(landings / [width, height]).T)
 
 
 def score_image(rig, landings, source):
@@ -139,8 +147,7 @@ def ssim(one, other):
 
 def scores(folder):
     """A row of scores for each rig with a file in a folder."""
-    for path in sorted((HERE / "rigs").iterdir()):
-        name = path.name
+    for name in names():
         rig, landings = load(name)
         for suffix, score in (
             (".npy", score_image),

@@ -1,10 +1,11 @@
-"""Solves all rigs of kiriko-bench with kiriko-optics: `python solve.py FOLDER`, then score.py.
+"""Solves the rigs of kiriko-bench with kiriko-optics: `python solve.py FOLDER [RIG ...]`, then
+score.py.
 
 Each glass is read as drawn: flat triangles with interpolated normals, as the reference landings
 have them; `reference_ball` and `reference_cube` as the smooth surface and the solid they stand for.
 """
 
-import sys
+import argparse
 from pathlib import Path
 from time import perf_counter
 
@@ -71,11 +72,14 @@ def read(name):
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1])
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in sorted((score.HERE / "rigs").iterdir()):
-        rig = read(path.name)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("rigs", nargs="*", default=score.names(), metavar="RIG")
+    arguments = parser.parse_args()
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    for name in arguments.rigs:
+        rig = read(name)
         started = perf_counter()
         solution = solve(rig)
-        print(f"{path.name:20}  {perf_counter() - started:6.2f} s", flush=True)
-        np.save(folder / f"{path.name}.npy", solution.source)
+        print(f"{name:20}  {perf_counter() - started:6.2f} s", flush=True)
+        np.save(arguments.folder / f"{name}.npy", solution.source)

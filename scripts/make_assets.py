@@ -117,7 +117,7 @@ def asset(name: str) -> bpy.types.Material:
     material.asset_mark()
     material.asset_data.description = f"{description}. For a flat mesh, in Cycles"
     material.asset_data.author = "Kiriko developers"
-    material.asset_data.license = "GPL-3.0-or-later"
+    material.asset_data.license = "CC0-1.0"
     material.asset_data.catalog_id = CATALOGUE_ID
     for tag in ("Kiriko", "mid-air image", *tags):
         material.asset_data.tags.new(tag)

@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 
 import wheels
+from build_kernel import this_target
 from environments import ROOT, WINDOWS, clean_environment
 
 EXAMPLE = ROOT / "examples" / "ball.py"
+BENCHMARK = ROOT / "benchmark"
+RIGS = "reference_ball", "reference_cube", "ellipsoid"
 Pip = Callable[..., Path]
 
 
@@ -48,14 +51,26 @@ def kernel_in(python: Path) -> str:
 
 
 def test_the_example_runs_from_the_wheels(pip, tmp_path):
-    """Installed wheels compute the ball to a thousandth of white, with the kernel."""
+    """Installed wheels compute the ball to a thousandth of white, with the kernel, and rigs of
+    kiriko-bench to half a hundredth.
+    """
     wheels.make("optics", "--wheel", into=tmp_path)
-    (kernel,) = wheels.WHEELS.glob("kiriko_kernel-*manylinux*x86_64.whl")
     (optics,) = tmp_path.glob("*.whl")
-    python = pip(optics, kernel)
+    python = pip(optics, wheels.WHEELS / wheels.kernel_wheel(this_target()))
     assert kernel_in(python) == "True"
     assert float(re.search(r"seen image ([\d.]+)", printed(python, tmp_path))[1]) < 1e-3
     assert (tmp_path / "source.png").exists()
+
+    def run(*words: str | Path) -> str:
+        command = [python, *words]
+        return subprocess.run(
+            command, check=True, capture_output=True, text=True, env=clean_environment()
+        ).stdout
+
+    run(BENCHMARK / "solve.py", tmp_path, *RIGS)
+    scores = run(BENCHMARK / "score.py", tmp_path)
+    assert len(scores.splitlines()) == len(RIGS)
+    assert all(float(rmse) < 0.005 for rmse in re.findall(r"rmse ([\d.]+)", scores))
 
 
 @pytest.mark.long(reason="zig is fetched and compiles with an empty cache")
