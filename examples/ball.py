@@ -7,7 +7,7 @@ from kiriko_optics import Display, Glass, Mesh, Picture, Plate, Rig, Viewer, sol
 x, y, z = np.eye(3)  # metres; the viewer looks along y
 
 
-def square(centre, right, up, side):
+def square(centre: np.ndarray, right: np.ndarray, up: np.ndarray, side: float) -> Mesh:
     """A square with UV coordinates."""
     uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     halves = np.array([[0, 1, 2], [0, 2, 3]])
@@ -23,7 +23,8 @@ ball = Mesh(0.025 * unit, faces, unit[faces], is_smooth=np.ones(len(faces), bool
 radius = np.hypot(*np.mgrid[-1:1:512j, -1:1:512j])
 rings = np.cos(20 * radius) ** 2 * np.exp(-4 * radius**2)
 image = np.stack([rings, rings, rings, np.ones_like(rings)], -1).astype(np.float32)
-eye = Viewer("Eye", "perspective", -y, np.array([x, z, y]), (-0.025, 0.025) * 2, 512, 512)
+window = -0.025, 0.025, -0.025, 0.025  # left, right, bottom, top, at 1 m
+eye = Viewer("Eye", "perspective", -y, np.array([x, z, y]), window, 512, 512)
 rig = Rig(
     viewers=(eye,),
     glasses=(Glass("Ball", ball),),

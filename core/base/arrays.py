@@ -1,6 +1,7 @@
 """Array types, and faster versions of numpy operations on short rows."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,14 @@ Bools = NDArray[np.bool_]
 
 # spacing of float32 numbers just above 1
 FLOAT32 = 2.0**-23
+
+
+def convert(record: Any, kind: Callable[[Any], Any], *names: str) -> None:
+    """Convert fields of a frozen dataclass that are not None."""
+    for name in names:
+        value = getattr(record, name)
+        if value is not None:
+            object.__setattr__(record, name, kind(value))
 
 
 def frozen(values: NDArray) -> NDArray:

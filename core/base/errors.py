@@ -1,8 +1,9 @@
 """Errors a user can act on: one sentence with the fault, its place and the remedy."""
 
 import re
+from typing import Any, get_args
 
-from .messages import Message, as_message
+from .messages import Message, as_message, quoted
 
 
 def one_line(text: str) -> str:
@@ -59,6 +60,18 @@ def out_of_range(
     return RigError(
         "{owner} has {name} {value}: set it from {least:g} to {most:g}.", **values, most=most
     )
+
+
+def check_choice(owner: str, name: str, value: str, kind: Any) -> None:
+    """Raise RigError for a value of a field that is none of the choices of a Literal."""
+    if value not in get_args(kind):
+        raise RigError(
+            "{owner} has {name} '{value}': set it to one of {choices}.",
+            owner=owner,
+            name=name,
+            value=value,
+            choices=quoted(get_args(kind)),
+        )
 
 
 def not_finite(owner: str) -> RigError:

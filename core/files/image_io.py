@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.errors import ImageError
-from ..base.messages import Message
+from ..base.messages import Message, as_message, quoted
 from . import png
 from .disk import check_new, together
 from .encoding import REC709, Curve, Encoding, quantised
@@ -65,7 +65,9 @@ def format_for(path: Path | str, form: str) -> str:
     )
 
 
-REMEDY = Message("install it (on Debian: python3-openimageio) or use Blender from blender.org")
+REMEDY = Message(
+    "install it (pip: OpenImageIO; Debian: python3-openimageio) or use Blender from blender.org"
+)
 
 
 def openimageio() -> Any:
@@ -74,7 +76,7 @@ def openimageio() -> Any:
         return importlib.import_module("OpenImageIO")  # imported late: only file operations need it
     except ImportError:
         raise ImageError(
-            "Blender's Python has no OpenImageIO to read and write images: {remedy}.",
+            "This Python has no OpenImageIO to read and write images: {remedy}.",
             remedy=REMEDY,
         ) from None
 
@@ -89,7 +91,7 @@ def why_not(form: str) -> str:
     if form in PLAIN or has_openimageio():
         return ""
     return Message(
-        "Blender's Python has no OpenImageIO to write {suffix}: choose .png, or {remedy}",
+        "This Python has no OpenImageIO to write {suffix}: choose .png, or {remedy}",
         suffix=FORMATS[form].suffix,
         remedy=REMEDY,
     )
@@ -165,7 +167,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     path : the file; its suffix is set by the format
     pixels : (h, w, 3 or 4) or (h, w) float, linear Rec.709, row 0 at the top; encoded for
         non-linear formats
-    form : a key of FORMATS
+    form : "PNG8" or "PNG16"; with OpenImageIO also "TIFF16", "EXR_HALF" or "EXR_FLOAT"
     size : width and height, m, of the area covered by the image, for the metadata
     title : first words of the description in the metadata
     gamma : encodes non-linear formats; None: sRGB; an Encoding is tagged in PNG files only
@@ -173,13 +175,21 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
 
     Returns
     -------
-    The path written.
+    Path
+        The file written.
 
     Raises
     ------
     ImageError
         The file exists, or cannot be written.
     """
+    if form not in FORMATS:
+        raise ImageError(
+            "{name} is '{value}': set it to one of {choices}.",
+            name=as_message("Format"),
+            value=form,
+            choices=quoted(FORMATS),
+        )
     kind = FORMATS[form]
     path = named_for(path, form)
     check_new(path, overwrite)

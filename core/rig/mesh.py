@@ -1,13 +1,14 @@
 """Triangles of a part, as plain data."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Literal
+from functools import cached_property, partial
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..base.arrays import Bools, Floats, Ints
-from ..base.errors import MeshError
+from ..base.arrays import Floats, convert
+from ..base.errors import MeshError, check_choice
 from ..base.fingerprint import fingerprint
 
 # radians: closer corner normals join faces to one patch (float32 noise is 1e-7 to 1e-6)
@@ -22,9 +23,21 @@ FURTHEST = float(np.finfo(np.float32).max)
 FLAT_THICKNESS = 1e-9
 
 
+# type of each array, and its shape after the number of vertices or triangles
+ARRAYS = {
+    "vertices": (np.float64, (3,)),
+    "triangles": (np.int64, (3,)),
+    "corner_normals": (np.float64, (3, 3)),
+    "is_smooth": (np.bool_, ()),
+    "uv": (np.float64, (3, 2)),
+    "polygon": (np.int64, ()),
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles in world coordinates. Arrays must not change, because derived values are cached.
+    """Triangles in world coordinates. Arrays must not change, because derived values are cached;
+    arrays of another type are converted.
 
     Parameters
     ----------
@@ -44,15 +57,19 @@ class Mesh:
         diagonals. None: each triangle is a polygon
     """
 
-    vertices: Floats
-    triangles: Ints
-    corner_normals: Floats | None = None
-    is_smooth: Bools | None = None
-    uv: Floats | None = None
+    vertices: NDArray[Any]
+    triangles: NDArray[Any]
+    corner_normals: NDArray[Any] | None = None
+    is_smooth: NDArray[Any] | None = None
+    uv: NDArray[Any] | None = None
     surface: SurfaceChoice = "smooth"
     has_mean_normals: bool = False
     rounding: float = 0.0
-    polygon: Ints | None = None
+    polygon: NDArray[Any] | None = None
+
+    def __post_init__(self) -> None:
+        for name, (kind, _) in ARRAYS.items():
+            convert(self, partial(np.asarray, dtype=kind), name)
 
     def flat(self) -> "Mesh":
         """The same triangles, each flat regardless of shading."""
@@ -102,14 +119,27 @@ class Mesh:
         return int(np.logical_or(*is_bent).sum())
 
     def check(self, owner: str) -> None:
-        """Raise MeshError if the mesh is empty, or a coordinate is not finite or beyond
-        FURTHEST.
+        """Raise MeshError if the mesh is empty, an array has the wrong shape, or a coordinate is
+        not finite or beyond FURTHEST.
         """
         if len(self.triangles) == 0:
             raise MeshError(
                 "{owner} has no faces with an area: add some, or set its role to None.",
                 owner=owner,
             )
+
+        for name, (_, shape) in ARRAYS.items():
+            values = getattr(self, name)
+            shape = len(self.vertices if name == "vertices" else self.triangles), *shape
+            if values is not None and values.shape != shape:
+                raise MeshError(
+                    "{owner} has {name} of shape {found}: give it the shape {shape}.",
+                    owner=owner,
+                    name=name,
+                    found=values.shape,
+                    shape=shape,
+                )
+        check_choice(owner, "surface", self.surface, SurfaceChoice)
 
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
             raise MeshError(

@@ -1,14 +1,15 @@
 """The parts of a rig with a mesh, and their validity checks."""
 
-from dataclasses import dataclass, field, is_dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, is_dataclass
+from functools import partial
+from numbers import Real
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats
-from ..base.errors import MeshError, RigError, not_finite, out_of_range
-from ..base.messages import quoted
+from ..base.arrays import Floats, convert
+from ..base.errors import MeshError, RigError, check_choice, not_finite, out_of_range
 from .dispersion import (
     SRGB_PRIMARIES,
     VISIBLE,
@@ -33,41 +34,32 @@ SHARE_ROUNDING = 1e-6  # Blender stores float32
 Preference = Literal["brighter", "reflected", "transmitted"]
 
 
-def _check_preference(owner: str, value: str) -> None:
-    """Raise RigError for an unknown preference."""
-    if value not in get_args(Preference):
-        raise RigError(
-            "{owner} has the preference '{value}': set it to one of {choices}.",
-            owner=owner,
-            value=value,
-            choices=quoted(get_args(Preference)),
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class Glass(Part):
     """A glass object: one or more closed shells. Shells inside shells are cavities (air).
 
     Parameters
     ----------
-    ior : index of refraction, or a number
+    name : in messages
+    mesh : its shells
+    ior : index of refraction: a number, 1.49, or a formula of the wavelength
     priority : decides between overlapping solids: higher wins; among equals the smaller solid does
     reflects : its faces split light by Fresnel's equations, so a reflection may carry the picture
     prefers : path of the picture if light arrives by both
-    absorption : 1/m, of red, green and blue light, by Beer and Lambert's law; it counts with
-        Brightness
+    absorption : 1/m, of red, green and blue light, by Beer and Lambert's law, 0 for each; it
+        counts with `brightness`
     """
 
     name: str
     mesh: Mesh
-    ior: Index = field(default_factory=lambda: ConstantIndex(1.49))
+    ior: Index | float = 1.49
     priority: int = 0
     reflects: bool = False
     prefers: Preference = "brighter"
     absorption: tuple[float, float, float] = CLEAR
 
     def __post_init__(self) -> None:
-        if isinstance(self.ior, int | float):
+        if isinstance(self.ior, Real):
             object.__setattr__(self, "ior", ConstantIndex(float(self.ior)))
 
     @property
@@ -95,7 +87,7 @@ class Glass(Part):
         n = self.ior.at(WAVELENGTH)
         if not (np.isfinite(n) and n > 0):
             raise out_of_range(owner, "IOR", n, 0)
-        _check_preference(owner, self.prefers)
+        check_choice(owner, "prefers", self.prefers, Preference)
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError if it encloses nothing."""
@@ -110,6 +102,10 @@ class Glass(Part):
 class Plate(Part):
     """A flat plane-symmetric imaging element; its triangles give plane and outline.
 
+    Parameters
+    ----------
+    name : in messages
+    mesh : its plane and outline
     array : its mirrors; None for the ideal plate
     side : (3,) world, along a side, at 45 degrees to the mirrors; None: its first face's first edge
     centre : (3,) m, world, origin of the mirrors' phase; None: the middle of its extent
@@ -182,7 +178,7 @@ class HalfMirror(Part):
                 " Absorption.",
                 owner=owner,
             )
-        _check_preference(owner, self.prefers)
+        check_choice(owner, "prefers", self.prefers, Preference)
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,11 +302,15 @@ class Blocker(Part):
 class Display(Part):
     """A surface with a UV map that shows the source image on its front.
 
+    Parameters
+    ----------
+    name : in messages
+    mesh : its surface, with UV; counterclockwise triangles face the glass
     width, height : pixels
     black_level : light of a black pixel relative to white, 0 up to below 1
     polarised : rad, angle of its light's linear polarisation, as for a polariser; None if it is
         not polarised
-    primaries : m, dominant wavelengths of its red, green and blue
+    primaries : m, dominant wavelengths of its red, green and blue; those of sRGB
     views : images by direction, each of width x height pixels; None for one in all directions
     """
 
@@ -322,6 +322,9 @@ class Display(Part):
     polarised: float | None = None
     primaries: Primaries = SRGB_PRIMARIES
     views: Views | None = None
+
+    def __post_init__(self) -> None:
+        convert(self, int, "width", "height")
 
     @property
     def size(self) -> Size:
@@ -471,17 +474,22 @@ class Picture(Part):
 
     Parameters
     ----------
+    name : in messages
     image : (h, w, 4) float32, linear, premultiplied by alpha, row 0 at the top
     mesh : the textured plane (with UV), or None for an image in the viewer's own pixels
     own : instead of the image, one for each viewer, in their own pixels
-    mask : (h, w), as for a place
+    mask : (h, w) fraction of each viewer pixel that belongs to the picture, 0..1; None for the
+        whole image
     """
 
     name: str
-    image: NDArray[np.float32]
+    image: NDArray[Any]
     mesh: Mesh | None = None
     own: tuple[OwnImage, ...] = ()
-    mask: Floats | None = None
+    mask: NDArray[Any] | None = None
+
+    def __post_init__(self) -> None:
+        convert(self, partial(np.asarray, dtype=np.float32), "image")
 
     @property
     def place(self) -> PicturePlace:
@@ -508,7 +516,16 @@ class Picture(Part):
         return Picture(self.name, own.image, mask=own.mask)
 
     def check_shape(self, owner: str) -> None:
-        """Raise MeshError if its plane cannot hold an image."""
+        """Raise an error for an array unlike an image, or a plane that cannot hold one."""
+        for image in self.images:
+            if image.ndim != 3:
+                raise RigError(
+                    "{owner} has {name} of shape {found}: give it the shape {shape}.",
+                    owner=owner,
+                    name="image",
+                    found=image.shape,
+                    shape="(h, w, 4)",
+                )
         _check_plane(self.mesh, owner)
 
 

@@ -1,7 +1,7 @@
 """The rig: viewers, elements, display and picture, as plain frozen data in metres and float64."""
 
 from collections.abc import Iterator
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from functools import cached_property
 from itertools import combinations, product
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints, convert
 from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.messages import Message, as_message, quoted
@@ -83,9 +83,9 @@ PRESETS = {name: product.array for name, product in PLATES.items()}
 PRESET_SIDES = {name: product.side for name, product in PLATES.items()}  # m
 
 
-def _parts_of(role: Role, default: Any = MISSING) -> Any:
+def _parts_of(role: Role) -> Any:
     """A field of the rig for parts of a role."""
-    return field(default=default, metadata={"role": role})
+    return field(default=(), metadata={"role": role})
 
 
 def _set_role(label: str) -> Message:
@@ -97,8 +97,16 @@ def _set_role(label: str) -> Message:
 class Rig:
     """All parts on the bench; its fields form the table of roles.
 
-    `check` reports why it cannot be solved. The picture may be a bare `PicturePlace` if nothing is
-    painted.
+    `check` reports why it cannot be solved. The fields without a name here hold mirrors, lenses,
+    films, screens and projectors, whose classes may change between versions.
+
+    Attributes
+    ----------
+    viewers : one or more; with several, errors and the seen image are those of the first
+    glasses : none or more
+    plates : none or more
+    displays : one or more, whose source images lie in one array
+    pictures : one; a bare `PicturePlace` if nothing is painted
     """
 
     # fmt: off
@@ -127,46 +135,49 @@ class Rig:
         tip="Textured plane to be seen undistorted by the viewer",
         remedy=Message("choose an image, or set the role of a textured plane to Picture"),
         is_single=True, is_made=True, is_mapped=True,
-    ), ())
+    ))
     mirrors: tuple[Mirror, ...] = _parts_of(Role(
         "MIRROR", Message("Mirror"), kind=2, number=3, icon="MOD_MIRROR",
         tip="Reflects light on both sides", is_curved=True,
-    ), ())
+    ))
     blockers: tuple[Blocker, ...] = _parts_of(Role(
         "BLOCKER", Message("Blocker"), kind=3, number=6, icon="CANCEL", tip="Stops light",
-    ), ())
+    ))
     screens: tuple[Screen, ...] = _parts_of(Role(
         "SCREEN", Message("Screen"), number=10, icon="MOD_UVPROJECT",
         tip="Shows the light of projectors on its front, from either side; needs a UV map",
         is_mapped=True,
-    ), ())
+    ))
     projectors: tuple[Projector, ...] = _parts_of(Role(
         "PROJECTOR", Message("Projector"), number=11, icon="LIGHT_SPOT",
         tip="A camera whose image is projected on the screens",
-    ), ())
+    ))
     half_mirrors: tuple[HalfMirror, ...] = _parts_of(Role(
         "HALF_MIRROR", Message("Half Mirror"), kind=5, number=7, icon="MOD_MASK",
         tip="Thin surface that reflects some of the light and lets the rest through",
         is_curved=True,
-    ), ())
+    ))
     retroreflectors: tuple[Retroreflector, ...] = _parts_of(Role(
         "RETROREFLECTOR", Message("Retroreflector"), kind=6, number=8, icon="LOOP_BACK",
         tip="Returns light to where it came from",
-    ), ())
+    ))
     lenses: tuple[Lens, ...] = _parts_of(Role(
         "LENS", Message("Lens"), kind=7, number=9, icon="PROP_CON",
         tip="Flat thin lens or Fresnel lens with a focal length",
-    ), ())
+    ))
     polarisers: tuple[Polariser, ...] = _parts_of(Role(
         "POLARISER", Message("Polariser"), kind=8, number=12, icon="ALIGN_JUSTIFY",
         tip="Flat sheet that lets linearly polarised light through", is_mapped=True,
-    ), ())
+    ))
     wave_plates: tuple[WavePlate, ...] = _parts_of(Role(
         "WAVE_PLATE", Message("Wave Plate"), kind=9, number=13, icon="FORCE_HARMONIC",
         tip="Flat film that changes the polarisation of light, such as a quarter-wave film",
         is_mapped=True,
-    ), ())
+    ))
     # fmt: on
+
+    def __post_init__(self) -> None:
+        convert(self, tuple, *(f.name for f in fields(self)))
 
     @property
     def viewer(self) -> Viewer:

@@ -3,19 +3,21 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from ..base.arrays import Floats
-from ..base.errors import RigError, not_finite, out_of_range
+from ..base.arrays import Floats, convert
+from ..base.errors import RigError, check_choice, not_finite, out_of_range
 from ..base.vectors import dot
 from .mesh import Mesh
 from .parts import Picture, Plate
 from .roles import Part
 
 ARCMIN = np.degrees(1.0) * 60
+ProjectionKind = Literal["perspective", "orthographic"]
 PERPENDICULAR = 1e-9  # largest deviation of a frame's axes from orthonormality
 
 
@@ -28,7 +30,9 @@ class Viewer(Part):
 
     Parameters
     ----------
-    position : (3,) float64, m
+    name : in messages; unique
+    projection : "perspective" or "orthographic"
+    position : (3,) float64, m, world
     axes : (3, 3) float64, rows right, up, forward; orthonormal, world
     window : left, right, bottom, top of the image on the plane at unit distance along forward
         (perspective: dimensionless tangents) or on the camera's own plane (orthographic: m)
@@ -39,9 +43,9 @@ class Viewer(Part):
     """
 
     name: str
-    projection: Literal["perspective", "orthographic"]
-    position: Floats
-    axes: Floats
+    projection: ProjectionKind
+    position: NDArray[Any]
+    axes: NDArray[Any]
     window: tuple[float, float, float, float]
     width: int
     height: int
@@ -50,6 +54,9 @@ class Viewer(Part):
     focus: float | None = None
 
     def __post_init__(self) -> None:
+        convert(self, partial(np.asarray, dtype=np.float64), "position", "axes")
+        convert(self, lambda sides: tuple(map(float, sides)), "window")
+        convert(self, int, "width", "height")
         if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
             raise RigError(
                 "The axes of the viewer '{name}' are not orthonormal: remove shear from the"
@@ -60,6 +67,7 @@ class Viewer(Part):
     def check_numbers(self, owner: str) -> None:
         """Raise RigError if its numbers are not finite, or it sees nothing."""
         left, right, bottom, top = self.window
+        check_choice(owner, "projection", self.projection, ProjectionKind)
         if not np.isfinite([*self.position, *self.axes.ravel(), *self.window]).all():
             raise not_finite(owner)
 

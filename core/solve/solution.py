@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
+from ..base.errors import ImageError
 from ..base.messages import Message
 from ..base.numbers import millimetres
 from ..base.steps import Steps, hold_progress, subprogress
@@ -51,11 +52,15 @@ def warning(template: str, /, **values: object) -> Remark:
 class Solution:
     """The source image, and the fate of the viewers' rays.
 
+    Attributes
+    ----------
+    rig : as solved
     source : (H, W, 3) float32 linear, row 0 at the top
     channels : one for each viewer
     seconds : time by stage
     n_rays : rays traced for this solve
-    used, left_out : parts of the method this rig needed, and parts it did not
+    used : parts of the method this rig needed
+    left_out : parts it did not need
     remarks : notes to the user
     settled : places settled between viewers; None with one viewer, and unless the picture is a flat
         rectangle
@@ -143,9 +148,23 @@ class Solution:
     ) -> NDArray[np.float32]:
         """The first viewer's image of the source image, or of another one: (h, w, 3) linear.
 
-        past_glass : as in `Channel.seen`
+        Parameters
+        ----------
+        source : (H, W, 3) linear, row 0 at the top; None: the source image
+        past_glass : add light that reaches the viewer past the glass, by way of the plate
         """
-        return self.first.seen(self.source if source is None else source, past_glass)
+        source = self.source if source is None else source
+        if source.shape[:2] != self.source.shape[:2]:
+            raise ImageError(
+                "The source image has {width} x {height} pixels, but '{display}' has"
+                " {display_width} x {display_height}: solve again.",
+                width=source.shape[1],
+                height=source.shape[0],
+                display=self.rig.display.name,
+                display_width=self.source.shape[1],
+                display_height=self.source.shape[0],
+            )
+        return self.first.seen(source, past_glass)
 
     def seeing(self, source: NDArray[np.float32]) -> Steps[NDArray[np.float32]]:
         """`seen` in steps."""

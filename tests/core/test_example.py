@@ -1,5 +1,6 @@
 """The example of plain arrays, which is also the README's."""
 
+import inspect
 import json
 import re
 import runpy
@@ -12,6 +13,7 @@ import pytest
 
 from kiriko_optics import solve
 from kiriko_optics._core.files.png import is_whole
+from kiriko_optics._core.rig.settings import Settings
 from kiriko_optics._core.solve.solution import without_glass
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,3 +61,9 @@ def test_the_notebook_keeps_its_tolerances(tmp_path, monkeypatch, capsys) -> Non
             exec("".join(cell["source"]), names)
     assert (names["errors"] < names["tolerances"]).all()
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(names["tolerances"])
+
+
+def test_solve_has_all_settings() -> None:
+    """The keywords of `solve` are the fields of Settings, with the same defaults."""
+    _, *keywords = inspect.signature(solve).parameters.values()
+    assert {one.name: one.default for one in keywords} == vars(Settings())

@@ -102,17 +102,17 @@ def _thing(part: Any, notes: _Unplaced, cache: ShapeCache) -> tuple[object, Floa
         content = fields_of(part, {"name", "axes", "position"})
         return content, _place_of(part)
 
+    images = ()
     if isinstance(part, Picture):
-        first, *others = map(cache.fingerprint_of, part.images)
-        part = replace(part, image=first, own=tuple(others))
+        images, part = tuple(map(cache.fingerprint_of, part.images)), part.place
     # a picture in the viewer's pixels, or an empty mesh
     if part.mesh is None or id(part.mesh) not in notes.drawn:
-        return part, np.eye(3, 4)
+        return (part, images), np.eye(3, 4)
 
     mesh, shape, matrix = notes.drawn[id(part.mesh)]
     # the remaining fields of a plate repeat its place
     content = fields_of(part, {"name", "mesh", "side", "centre"})
-    return (content, shape.fingerprint, mesh.surface), matrix[:3]
+    return (content, images, shape.fingerprint, mesh.surface), matrix[:3]
 
 
 def fields_of(part: Any, without: Container[str]) -> tuple[object, ...]:
