@@ -163,7 +163,7 @@ def test_glass_that_reflects_shares_light_by_fresnel(tracer):
     [
         ({"reflectance": 1.5}, "Reflectance 1.5: set it from 0 to 1"),
         ({"reflectance": 0.6, "absorption": 0.6}, "more light than it gets"),
-        ({"prefers": "both"}, "preference 'both'"),
+        ({"prefers": "both"}, "prefers 'both'"),
     ],
 )
 def test_impossible_half_mirrors_are_one_sentence(options, words):
