@@ -25,11 +25,12 @@ from environments import (
     ToolError,
     as_module,
     clean_environment,
+    link_package,
     newest_blender,
     python_path,
     set_up,
 )
-from wheels import make_kernels
+from wheels import PACKAGES, make_kernels
 
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
@@ -78,14 +79,29 @@ def fetch_wheel(path: Path) -> None:
         )
 
 
-def make_manual() -> None:
-    """Build the manual's site, which the zips hold, in an environment of its own."""
+def manual_python() -> Path:
+    """Interpreter of the environment that builds the manual."""
     try:
-        interpreter = set_up(MANUAL, newest_blender()[1])
+        return set_up(MANUAL, newest_blender()[1])
     except ToolError as error:
         sys.exit(f"The zips hold the manual, whose packages could not be installed. {error}")
-    command = [interpreter, *as_module("manual.run")]
+
+
+def make_manual() -> None:
+    """Build the manual's site, which the zips hold, in an environment of its own."""
+    command = [manual_python(), *as_module("manual.run")]
     code = subprocess.run(command, env=clean_environment(PYTHONPATH=python_path())).returncode
+    if code:
+        sys.exit(code)
+
+
+def make_interface(folder: Path) -> None:
+    """Build the pages of the Python interface; a reference to nothing ends the build."""
+    link_package()
+    config = PACKAGES / "optics" / "mkdocs.yml"
+    build = ["build", "--strict", "--quiet", "--config-file", config, "--site-dir", folder]
+    command = [manual_python(), "-m", "mkdocs", *build]
+    code = subprocess.run(command, env=clean_environment(NO_MKDOCS_2_WARNING="1")).returncode
     if code:
         sys.exit(code)
 
@@ -124,6 +140,7 @@ def build(is_manual_kept: bool, is_for_here: bool) -> None:
 
     if not is_manual_kept:
         make_manual()
+        make_interface(ROOT / "out" / "python")
     DIST.mkdir(exist_ok=True)
     for old in DIST.glob("kiriko-*.zip"):
         old.unlink()

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import package
 import wheels
-from environments import MANUAL, ROOT, ToolError, link_package, newest_blender, run, set_up
+from environments import ROOT, ToolError
 
 OUT = ROOT / "out" / "release"
 ASSETS, SITE = OUT / "assets", OUT / "site"
@@ -54,15 +54,6 @@ def make_sums() -> None:
     (ASSETS / "SHA256SUMS").write_text("".join(sums), encoding="utf-8")
 
 
-def make_interface() -> None:
-    """Build the pages of the Python interface; a reference to nothing ends the build."""
-    link_package()
-    python = set_up(MANUAL, newest_blender()[1])
-    config = ROOT / "scripts" / "packages" / "optics" / "mkdocs.yml"
-    build = ["build", "--strict", "--quiet", "--config-file", config, "--site-dir", SITE / "python"]
-    run([python, "-m", "mkdocs", *build], NO_MKDOCS_2_WARNING="1")
-
-
 def make(is_zip_kept: bool) -> None:
     """Make the release."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
@@ -78,7 +69,7 @@ def make(is_zip_kept: bool) -> None:
     make_sums()
     (ASSETS / "NOTES.md").write_text(text, encoding="utf-8")
     make_repository()
-    make_interface()
+    package.make_interface(SITE / "python")
     shutil.copytree(ROOT / "manual", SITE / "manual")
     for path in sorted(ASSETS.iterdir()):
         print(f"{path.stat().st_size / 1e6:8.2f} MB  {path.name}")
