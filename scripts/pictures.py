@@ -1,6 +1,6 @@
-"""The pictures of README and docs, rendered in Cycles: the gallery, the manual's first picture, a
-glass ball with a pattern, warped and corrected, and the systems of Add Rig > More. Started by
-`dev.py pictures`.
+"""The pictures of README and docs, rendered in Cycles: the gallery, the manual's first picture, the
+listing's featured image, a glass ball with a pattern, warped and corrected, and the systems of
+Add Rig > More. Started by `dev.py pictures`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 import kiriko
 from demo import RIGS
@@ -31,7 +31,11 @@ from kiriko.operators import work
 PIXELS, SAMPLES = 480, 128  # of a picture of the ball
 GALLERY, GALLERY_SAMPLES = (640, 480), 40  # and the denoiser
 HERO, HERO_SIZE = "goblet", (1200, 675)  # the gallery has its middle
-GALLERY_BYTES, HERO_BYTES = 60_000, 120_000
+FEATURED_SIZE = 1920, 1080  # as the extension site wants it
+GALLERY_BYTES, HERO_BYTES, FEATURED_BYTES = 60_000, 120_000, 200_000
+# text, size and upper left corner, px: left of the goblet
+TITLE = ("Kiriko", 150, (110, 500)), ("Pictures inside glass,\nundistorted", 46, (116, 690))
+CREAM = 255, 238, 214
 SYSTEM_SIDE, SYSTEM_BYTES, GAP = 360, 30_000, 6  # px, bytes, px between its two pictures
 SHOULDER = 0.6  # brighter light is compressed
 
@@ -145,16 +149,29 @@ def run_gallery(folder: Path, name: str, samples: int) -> None:
 
 
 def run_hero(folder: Path, samples: int) -> Image.Image:
-    """Write hero.webp; its middle in the size of the gallery."""
+    """Write hero.webp and the listing's featured.webp; the middle in the size of the gallery."""
     exhibit = EXHIBITS[HERO]
-    width, height = HERO_SIZE
+    width, height = FEATURED_SIZE
     middle = height * GALLERY[0] / GALLERY[1]
     look = exhibit.look._replace(width=exhibit.look.width * width / middle)
-    image = developed(render(replace(exhibit, look=look), HERO_SIZE, samples))
-    pack(image, folder / "hero.webp", HERO_BYTES)
+    image = developed(render(replace(exhibit, look=look), FEATURED_SIZE, samples))
+    pack(image.resize(HERO_SIZE, Image.Resampling.LANCZOS), folder / "hero.webp", HERO_BYTES)
+    listing = folder.parent / "listing"
+    listing.mkdir(exist_ok=True)
+    pack(titled(image), listing / "featured.webp", FEATURED_BYTES)
     left = (width - middle) / 2
     box = left, 0, left + middle, height
     return image.resize(GALLERY, Image.Resampling.LANCZOS, box)
+
+
+def titled(image: Image.Image) -> Image.Image:
+    """A copy with the extension's name."""
+    image = image.copy()
+    canvas = ImageDraw.Draw(image)
+    for text, size, place in TITLE:
+        font = ImageFont.load_default(size)
+        canvas.text(place, text, CREAM, font, spacing=0.3 * size)
+    return image
 
 
 def run_system(folder: Path, kind: str, samples: int) -> None:

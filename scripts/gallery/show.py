@@ -26,8 +26,15 @@ def part(role: str) -> bpy.types.Object:
 def build(exhibit: Exhibit, size: tuple[int, int]) -> None:
     """Make the glass, its rig and the room in a new scene, for a render of this size."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assemble(exhibit, (FINE * size[0], FINE * size[1]))
+    exhibit.furnish()
+    furnish(exhibit.look, exhibit.back)
+
+
+def assemble(exhibit: Exhibit, size: tuple[int, int]) -> None:
+    """Make the glass and its rig, whose viewer has this size."""
     scene = bpy.context.scene
-    scene.render.resolution_x, scene.render.resolution_y = (FINE * n for n in size)
+    scene.render.resolution_x, scene.render.resolution_y = size
     glass = exhibit.glass()
     glass.select_set(True)
     bpy.context.view_layer.objects.active = glass
@@ -43,8 +50,6 @@ def build(exhibit: Exhibit, size: tuple[int, int]) -> None:
     bpy.context.view_layer.update()
     if exhibit.is_fitted:
         bpy.ops.kiriko.fit_display(move=True)
-    exhibit.furnish()
-    furnish(exhibit.look, exhibit.back)
 
 
 def pass_straight(share: float) -> None:

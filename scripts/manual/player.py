@@ -241,7 +241,8 @@ class Player:
     def unfold(self, step: Unfold) -> Iterator[float]:
         """Close all panels, so their headers form a row, and open the wanted one."""
         region = self.region("VIEW_3D", "UI")
-        x, top = region.x + TITLE * region.width, region.y + region.height - HEADER / 2
+        header = HEADER * bpy.context.preferences.view.ui_scale
+        x, top = region.x + TITLE * region.width, region.y + region.height - header / 2
         yield from self.move(x, top)
         for _ in range(PAGES * PAGE):
             self.event("WHEELUPMOUSE")
@@ -254,7 +255,7 @@ class Player:
             yield 4 * BREATH  # panels glide
 
         place = scenes.panels().index(step.panel)
-        yield from self.move(x, top - place * HEADER)
+        yield from self.move(x, top - place * header)
         yield BREATH
         self.clicks.append(step.panel)
         self.event("LEFTMOUSE", ctrl=True)
@@ -390,7 +391,7 @@ class Player:
         }  # fmt: skip
         for step in steps:
             if isinstance(step, Do):
-                getattr(scenes, step.function)()
+                getattr(scenes, step.function)(*filter(None, [step.name]))
                 yield BREATH
             else:
                 yield from of_kind[type(step)](step)

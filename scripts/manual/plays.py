@@ -166,6 +166,72 @@ PANELS: list[Step] = [
     *panel("advanced"),
 ]
 
+# each is a picture of the extension site's page: docs/listing/listing.md
+LISTING: dict[str, list[Step]] = {
+    "checklist": [
+        Do("only_viewport"),
+        Do("model", "goblet"),
+        *SIDEBAR,
+        Press(IN_THE_GLASS),
+        Until("has_rig"),
+        Do("face_rig"),
+        Still(5.0),
+        Shot("checklist", of="*"),
+    ],
+    "paths": [
+        Do("only_viewport"),
+        Do("exhibit", "bottle"),
+        *SIDEBAR,
+        Press(SOLVE),
+        Until("is_solved", 400),
+        Until("is_quiet", 400),
+        Do("face_rig"),
+        Still(5.0),
+        Shot("paths", of="*"),
+    ],
+    "look": [
+        Do("only_viewport"),
+        Do("exhibit", "goblet"),
+        Do("furnish", "goblet"),
+        *SIDEBAR,
+        Press(LOOK),
+        Until("is_seen", 900),
+        RENDERED,
+        Shot("look", of="*"),
+    ],
+    "before_after": [
+        Do("only_viewport"),
+        Do("ball"),
+        *SIDEBAR,
+        Press(BEHIND_THE_GLASS),
+        Until("has_rig"),
+        Do("star"),
+        Press(SOLVE),
+        Until("is_solved", 400),
+        Until("is_quiet", 400),
+        Press(does("kiriko.before_after")),
+        Until("is_compared", 400),
+        Still(5.0),
+        Shot("before_after", of="*"),
+    ],
+    "export": [
+        Do("only_viewport"),
+        Do("exhibit", "text"),
+        Do("furnish", "text"),
+        *SIDEBAR,
+        Press(SOLVE),
+        Until("is_solved", 400),
+        Until("is_quiet", 400),
+        Do("show_source"),
+        Press(LOOK),
+        Until("is_seen", 900),
+        Unfold("VIEW3D_PT_kiriko_export"),
+        Key("HOME", area="IMAGE_EDITOR"),
+        RENDERED,
+        Shot("export", of="*"),
+    ],
+}
+
 # each is a page's pictures, and those of the panels, which all pages use
 MANUAL = {
     "first_picture": FIRST_PICTURE,
@@ -304,4 +370,4 @@ SHOWN: list[Step] = [
     Still(1.0),
     Do("keep_shown"),
 ]
-PLAYS = {**MANUAL, "shown": SHOWN, **{name: way.steps for name, way in WAYS.items()}}
+PLAYS = {**MANUAL, **LISTING, "shown": SHOWN, **{name: way.steps for name, way in WAYS.items()}}

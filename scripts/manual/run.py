@@ -2,7 +2,8 @@
 
 A link to nothing, a picture that is missing, a page that is left out of the navigation: each ends
 the build. The site needs no network and no server: it is opened as files. With `--screenshots` the
-pictures of all steps are taken anew first, in the real Blender, once in each language.
+pictures of all steps are taken anew first, in the real Blender, once in each language. With
+`--listing`, whole windows for the extension site's page are taken instead.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from environments import ROOT, ToolError, clean_environment, run_in_newest_blender
 from manual.places import lead
-from manual.plays import MANUAL
+from manual.plays import LISTING, MANUAL
 from manual.program import add_options, play
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ WORKER = Path(__file__).with_name("iframe-worker.js")
 SHARED = "../../pictures/"  # of README and docs, seen from a page
 STEMMERS = "lunr.ja.min.js", "lunr.multi.min.js", "lunr.stemmer.support.min.js"
 WIDEST = 1000  # px
+LISTING_SIZE = 1920, 1080  # px of a window, as the extension site wants it
 QUALITY = 70  # labels stay sharp, and the pictures of all languages fit into a megabyte
 MARK = (255, 122, 0)  # around the row of a button
 MARGIN = 10, 36  # px left and right of the row; the tabs stand at the right
@@ -51,7 +53,7 @@ NOT_NEEDED = (
 )  # fmt: skip
 
 
-def pack(raw: Path, folder: Path) -> None:
+def pack(raw: Path, folder: Path, widest: int = WIDEST) -> None:
     """Write the wanted part of a grabbed window as a WebP, with the row of a button marked."""
     # not above, for dev.py shows the options in a Python that has no Pillow
     from PIL import Image, ImageDraw
@@ -65,7 +67,7 @@ def pack(raw: Path, folder: Path) -> None:
     if told["sidebar"]:
         image, cut = without_rest(image, told.get("closed"))
         top += cut
-    scale = min(1.0, WIDEST / image.width)
+    scale = min(1.0, widest / image.width)
     if scale < 1:
         size = round(image.width * scale), round(image.height * scale)
         image = image.resize(size, Image.Resampling.LANCZOS)
@@ -107,6 +109,13 @@ def take_pictures(
         pictures.mkdir(parents=True, exist_ok=True)
         for raw in sorted(folder.glob("*.rgb")):
             pack(raw, pictures)
+
+
+def take_listing(names: Sequence[str], blender: str | None, extension: Path | None) -> None:
+    """Play the steps of the extension site's page, and put their pictures next to its text."""
+    folder = play(names, blender, extension, size=LISTING_SIZE)
+    for raw in sorted(folder.glob("*.rgb")):
+        pack(raw, ROOT / "docs" / "listing", LISTING_SIZE[0])
 
 
 def gather() -> None:
@@ -196,7 +205,11 @@ def main() -> None:
         "--screenshots", action="store_true", help="take all pictures anew in the real Blender"
     )
     parser.add_argument(
-        "--only", nargs="+", choices=MANUAL, metavar="PLAY", help=f"of {', '.join(MANUAL)}"
+        "--listing", action="store_true", help="take the screenshots of docs/listing/ instead"
+    )
+    plays = [*MANUAL, *LISTING]
+    parser.add_argument(
+        "--only", nargs="+", choices=plays, metavar="PLAY", help=f"of {', '.join(plays)}"
     )
     parser.add_argument(
         "--languages", nargs="+", choices=LANGUAGES, default=list(LANGUAGES), metavar="LANGUAGE",
@@ -205,6 +218,9 @@ def main() -> None:
     add_options(parser)
     told = parser.parse_args()
     try:
+        if told.listing:
+            take_listing(told.only or list(LISTING), told.blender, told.extension)
+            return
         if told.screenshots:
             names = told.only or list(MANUAL)
             take_pictures(told.languages, names, told.blender, told.extension)

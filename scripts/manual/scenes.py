@@ -13,8 +13,14 @@ from types import ModuleType
 import bmesh
 import bpy
 import numpy as np
+from mathutils import Euler
 
 from manual.grab import grab
+
+EXTENSION = "bl_ext.user_default.kiriko"
+LARGE = 1.6  # of the interface, in pictures of the whole window
+SIGHT = 1600, 900  # px of the viewer of an exhibit
+FROM = 1.17, 0.0, 0.66  # direction to a rig: rotation of the view, rad
 
 
 def has_rig() -> bool:
@@ -61,7 +67,7 @@ def stop_live() -> None:
 
 def kiriko(module: str) -> ModuleType:
     """A module of the installed extension."""
-    return importlib.import_module(f"bl_ext.user_default.kiriko.{module}")
+    return importlib.import_module(f"{EXTENSION}.{module}")
 
 
 def is_quiet() -> bool:
@@ -242,6 +248,88 @@ def is_telephone() -> bool:
         for thing in bpy.context.scene.objects
         if thing.kiriko.role == "DISPLAY"
     )
+
+
+def is_compared() -> bool:
+    """Whether Before and After is shown."""
+    return is_quiet() and bpy.context.window_manager.kiriko.show_comparison
+
+
+def only_viewport() -> None:
+    """Give the whole window to the 3D viewport, in large letters and with an empty scene."""
+    bpy.context.preferences.view.ui_scale = LARGE
+    window = bpy.context.window_manager.windows[0]
+    for area in list(window.screen.areas):
+        if area.type != "VIEW_3D":
+            with bpy.context.temp_override(window=window, area=area):
+                bpy.ops.screen.area_close()
+    for thing in list(bpy.data.objects):
+        bpy.data.objects.remove(thing)
+
+
+def gallery(module: str) -> ModuleType:
+    """A module of the gallery, which imports the installed extension as the checkout."""
+    for name, loaded in list(sys.modules.items()):
+        if f"{name}.".startswith(f"{EXTENSION}."):
+            sys.modules[f"kiriko{name.removeprefix(EXTENSION)}"] = loaded
+    return importlib.import_module(f"gallery.{module}")
+
+
+def model(name: str) -> None:
+    """The glass of an exhibit as artists bring it: too large, and without a material."""
+    thing = gallery("exhibits").EXHIBITS[name].glass()
+    thing.data.materials.clear()
+    thing.scale = (10.0,) * 3
+    bpy.context.view_layer.objects.active = thing
+    thing.select_set(True)
+
+
+def exhibit(name: str) -> None:
+    """An exhibit of the gallery with its rig, on no table."""
+    gallery("show").assemble(gallery("exhibits").EXHIBITS[name], SIGHT)
+
+
+def star() -> None:
+    """Give the rig the film's picture, whose lines are straight, and a lens that it fills."""
+    gallery("show").part("PICTURE").kiriko.image = importlib.import_module("film.story").star()
+    bpy.context.scene.kiriko.viewer.data.lens *= 1.8
+
+
+def furnish(name: str) -> None:
+    """Add the table and the lamps of an exhibit, lit so that Cycles needs few samples."""
+    wanted = gallery("exhibits").EXHIBITS[name]
+    gallery("room").furnish(wanted.look, wanted.back)
+    cycles = bpy.context.scene.cycles
+    cycles.preview_samples = 64
+    cycles.caustics_reflective = cycles.caustics_refractive = False
+    for thing in bpy.context.scene.objects:
+        if thing.type == "LIGHT":  # in the glass it would be bright dots: no denoiser is used
+            thing.visible_glossy = thing.visible_transmission = False
+
+
+def face_rig() -> None:
+    """Turn the view to the glass and the display, and select nothing."""
+    (area,) = (a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
+    area.spaces.active.region_3d.view_rotation = Euler(FROM).to_quaternion()
+    for thing in bpy.context.scene.objects:
+        thing.select_set(thing.kiriko.role in {"GLASS", "DISPLAY", "PICTURE"})
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    window = bpy.context.window_manager.windows[0]
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        bpy.ops.view3d.view_selected()
+    for thing in bpy.context.scene.objects:
+        thing.select_set(False)
+
+
+def show_source() -> None:
+    """Show the source image below the viewport."""
+    window = bpy.context.window_manager.windows[0]
+    (area,) = window.screen.areas
+    with bpy.context.temp_override(window=window, area=area, region=area.regions[-1]):
+        bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.4)
+    (below,) = set(window.screen.areas) - {area}
+    below.type = "IMAGE_EDITOR"
+    below.spaces.active.image = bpy.context.scene.kiriko.result.source
 
 
 def panels() -> list[str]:

@@ -96,6 +96,7 @@ class Do:
     """A function of `scenes.py`, for changes no hand makes: preparing a scene, removing a file."""
 
     function: str
+    name: str = ""  # its argument, if it has one
 
 
 @dataclass(frozen=True)
