@@ -13,7 +13,6 @@ import bpy
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-import kiriko
 from demo import RIGS
 from gallery import benches
 from gallery.exhibits import EXHIBITS
@@ -213,7 +212,6 @@ def main() -> None:
     for kind in SYSTEMS:
         if kind in arguments.only:
             run_system(folder, kind, arguments.samples)
-    kiriko.unregister()
 
 
 if __name__ == "__main__":

@@ -71,6 +71,8 @@ def make(is_zip_kept: bool) -> None:
     make_repository()
     package.make_interface(SITE / "python")
     shutil.copytree(ROOT / "manual", SITE / "manual")
+    first = '<!DOCTYPE html><meta http-equiv="refresh" content="0; url=extensions/index.html">\n'
+    (SITE / "index.html").write_text(first, encoding="utf-8")
     for path in sorted(ASSETS.iterdir()):
         print(f"{path.stat().st_size / 1e6:8.2f} MB  {path.name}")
 
