@@ -12,6 +12,7 @@ exit code is not 0.
 import importlib
 import os
 import platform
+import re
 import shutil
 import signal
 import sys
@@ -42,12 +43,15 @@ def this_platform() -> str:
 
 
 class About(NamedTuple):
-    """A zip of Kiriko: its file and version, the oldest Blender, and the platforms (none: any)."""
+    """A zip of Kiriko: its file and version, the oldest Blender, and the platforms and Pythons it
+    is for (none: any).
+    """
 
     path: Path
     version: str
     blender: tuple[int, ...]
     platforms: list[str]
+    pythons: set[str]
 
 
 def numbers(version: str) -> tuple[int, ...]:
@@ -67,9 +71,11 @@ def about(path: Path) -> About | None:
             return None
         generated = manifest.get("build", {}).get("generated", {})
         platforms = generated.get("platforms", manifest.get("platforms", []))
+        wheels = generated.get("wheels", manifest.get("wheels", []))
+        pythons = {tag for name in wheels for tag in re.findall(r"-cp(3\d+)-", name)}
         oldest, version = manifest["blender_version_min"], str(manifest["version"])
         numbers(version)
-        return About(path, version, numbers(oldest), list(map(str, platforms)))
+        return About(path, version, numbers(oldest), list(map(str, platforms)), pythons)
     except Exception as reason:  # a zip can be broken in a dozen ways, each with its own error
         why = " ".join(str(reason).split()).rstrip(".") or type(reason).__name__
         raise FarmError(f"The zip '{path}' cannot be read ({why}): copy it again.") from None
@@ -98,10 +104,18 @@ def fitting_zip(folder: Path, version: str | None) -> Path:
             f" {here}: put the zip for that beside it."
         )
 
-    same = [one for one in fit if version in (None, one.version)]
+    python = "{}{}".format(*sys.version_info)
+    taken = [one for one in fit if python in (one.pythons or [python])]
+    if not taken:
+        raise FarmError(
+            f"The zip '{fit[0].path}' is for another Python than {platform.python_version()}, which"
+            " this Blender has: put the zip for that beside it."
+        )
+
+    same = [one for one in taken if version in (None, one.version)]
     if not same:
         raise FarmError(
-            f"The zip '{fit[0].path}' has Kiriko {fit[0].version}, and the job was made with"
+            f"The zip '{taken[0].path}' has Kiriko {taken[0].version}, and the job was made with"
             f" {version}: put the zip of that version beside it, or make the job anew."
         )
 

@@ -30,7 +30,6 @@ from environments import (
     find_python,
     newest_blender,
     python_path,
-    run,
     run_in_newest_blender,
     set_up,
 )
@@ -78,6 +77,8 @@ SCRIPTS = {
     "manual": Script("manual.run", "the manual's site, and its screenshots", MANUAL),
     "clicks": Script("manual.clicks", "count the clicks to a picture in Blender", MANUAL),
     "shown": Script("manual.shown", "Show Window compared with the exported file", MANUAL),
+    "build": Script("package", "the extension's zips, one for each platform, into dist/"),
+    "release": Script("release", "the files of a release and its web site, into out/release/"),
     "messages": Script("messages", "every text of the interface", PLAIN),
     "languages": Script("languages", "missing and unused translations"),
     "house": Script("house", "figures of code and words; --files: what is where", PLAIN),
@@ -124,16 +125,6 @@ def lint(arguments: argparse.Namespace) -> None:
     sys.exit(not run_suite(tools=newest_blender()[0], prefixes=steps, need_all=True))
 
 
-def build(arguments: argparse.Namespace) -> None:
-    """Build the extension's zips, one for each platform, into dist/."""
-    run([set_up(*newest_blender()), ROOT / "scripts" / "package.py"])
-
-
-def release(arguments: argparse.Namespace) -> None:
-    """Make the files of a release and its web site, into out/release/."""
-    run([set_up(*newest_blender()), ROOT / "scripts" / "release.py"])
-
-
 def setup(arguments: argparse.Namespace) -> None:
     """Set up every environment whose Python is found."""
     newest_blender()  # it says which Python to install when none is found
@@ -143,7 +134,7 @@ def setup(arguments: argparse.Namespace) -> None:
     build_kernel.provide()
 
 
-OWN = {verb.__name__: verb for verb in (test, lint, build, release, setup)}
+OWN = {verb.__name__: verb for verb in (test, lint, setup)}
 
 
 def main() -> None:

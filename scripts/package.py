@@ -197,4 +197,7 @@ if __name__ == "__main__":
         "--here", action="store_true", help="build the zip for this machine's platform alone"
     )
     options = parser.parse_args()
-    build(options.keep_manual, options.here)
+    try:
+        build(options.keep_manual, options.here)
+    except ToolError as error:
+        sys.exit(str(error))

@@ -1,8 +1,8 @@
 """Makes everything of a release: `dev.py release`, into out/release/.
 
-`assets/` has the files for a release page: zips, wheels and source distributions of both packages,
-`SHA256SUMS` and `NOTES.md`, the version's part of the changelog. `site/` is a static web site: the
-manual, the Python interface, and an extension repository, whose page has links to drag into
+`NOTES.md` is the version's part of the changelog. `assets/` has the files for a release page: zips,
+wheels and source distributions of both packages, and `SHA256SUMS`. `site/` is a static web site:
+the manual, the Python interface, and an extension repository, whose page has links to drag into
 Blender. `--zips` uses those in dist/ as they are.
 """
 
@@ -67,7 +67,7 @@ def make(is_zip_kept: bool) -> None:
     wheels.make("kernel", "--sdist", into=ASSETS)
     wheels.make("optics", "--wheel", "--sdist", into=ASSETS)
     make_sums()
-    (ASSETS / "NOTES.md").write_text(text, encoding="utf-8")
+    (OUT / "NOTES.md").write_text(text, encoding="utf-8")
     make_repository()
     package.make_interface(SITE / "python")
     shutil.copytree(ROOT / "manual", SITE / "manual")

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from build_kernel import MODULE, SOURCES, TARGETS, Target, compiler
 from environments import DEV, ROOT, run
+from packages.kernel.compile_kernel import check_version
 
 PACKAGES = ROOT / "scripts" / "packages"
 WHEELS = ROOT / "wheels"
@@ -31,6 +32,7 @@ def staged(name: str) -> Iterator[Path]:
         shutil.copytree(PACKAGES / name, folder, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy(ROOT / "LICENSE", folder)
         if name == "kernel":
+            check_version(SOURCES)
             (folder / "native").mkdir()
             for path in sorted(SOURCES.glob("*.[ch]")):
                 shutil.copy(path, folder / "native")

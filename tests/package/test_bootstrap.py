@@ -137,6 +137,7 @@ def test_worker_without_kiriko(bootstrap, monkeypatch, capsys):
     ("change", "said"),
     [
         (("platforms = [", 'platforms = ["vax-vms"]\nothers = ['), "is for vax-vms"),
+        (("-cp31", "-cp32"), "is for another Python"),
         (('version = "0', 'version = "9'), "and the job was made with 0"),
         (('blender_version_min = "4', 'blender_version_min = "94'), "needs Blender 94"),
         (('schema_version = "1.0.0"', 'schema_version = "1.0.0"\nid ='), "cannot be read"),
@@ -204,6 +205,7 @@ def test_the_newest_zip_that_this_blender_takes_is_used(bootstrap, tmp_path):
         ("a.zip", 'version = "0.', 'version = "10.'),
         ("b.zip", 'version = "0.', 'version = "9.'),
         ("c.zip", 'blender_version_min = "4', 'blender_version_min = "94'),
+        ("d.zip", "-cp31", "-cp32"),
     ):
         write_zip(tmp_path / name, *change)
     with ZipFile(tmp_path / "textures.zip", "w") as archive:

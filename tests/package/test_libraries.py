@@ -28,7 +28,7 @@ NEEDS = {
     },
     "macos": {"/usr/lib/libSystem.B.dylib"},
 }
-C_LIBRARY = {"malloc", "free", "atan2", "exp", "hypot", "pow"}
+C_LIBRARY = {"malloc", "realloc", "free", "atan2", "exp", "hypot", "pow"}
 POSIX = {
     *C_LIBRARY,
     *("memcpy", "floor", "fmod", "rint", "sin"),

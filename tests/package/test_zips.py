@@ -123,7 +123,7 @@ def test_zip_has_the_package_and_nothing_else(contents, platform):
     ]
     assert {path.relative_to(ROOT).as_posix() for path in code} <= names
     rooms = {*ROOMS, "assets", "farm", "manual", "wheels"}
-    files = {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
+    files = {"__init__.py", "blender_manifest.toml", "LICENSE"}
     assert {name for name in names if name.partition("/")[0] not in rooms} <= files
     assert {"LICENSE", "blender_manifest.toml"} <= names
     assert not [name for name in names if "__pycache__" in name or "/." in name]

@@ -25,23 +25,26 @@ FLAGS = (
 
 
 class Target(NamedTuple):
-    """A platform: its name for Blender, its name for zig, the tag of its wheels, and the suffix of
-    its libraries.
+    """A platform: its name for Blender, its name for zig, the tag of its wheels, the suffix of its
+    library, and what the linker adds.
     """
 
     platform: str
     triple: str
     tag: str
     ending: str
+    libraries: tuple[str, ...] = ()
 
 
+LINUX = "-pthread", "-lm"
+MACOS = *LINUX, "-Wl,-install_name,@rpath/kernel.so"  # or the folder it was built in would be in it
 TARGETS = (
-    Target("linux-x64", "x86_64-linux-gnu.2.17", "manylinux_2_17_x86_64", "so"),
-    Target("linux-arm64", "aarch64-linux-gnu.2.17", "manylinux_2_17_aarch64", "so"),
+    Target("linux-x64", "x86_64-linux-gnu.2.17", "manylinux_2_17_x86_64", "so", LINUX),
+    Target("linux-arm64", "aarch64-linux-gnu.2.17", "manylinux_2_17_aarch64", "so", LINUX),
     Target("windows-x64", "x86_64-windows-gnu", "win_amd64", "dll"),
     Target("windows-arm64", "aarch64-windows-gnu", "win_arm64", "dll"),
-    Target("macos-x64", "x86_64-macos.11.0", "macosx_11_0_x86_64", "so"),
-    Target("macos-arm64", "aarch64-macos.11.0", "macosx_11_0_arm64", "so"),
+    Target("macos-x64", "x86_64-macos.11.0", "macosx_11_0_x86_64", "so", MACOS),
+    Target("macos-arm64", "aarch64-macos.11.0", "macosx_11_0_arm64", "so", MACOS),
 )
 MACHINES = {"x86_64": "x64", "AMD64": "x64", "aarch64": "arm64", "arm64": "arm64", "ARM64": "arm64"}
 SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
@@ -68,14 +71,9 @@ def compile_library(
     """Build the library for a platform from a folder of sources; it is there as a whole or not at
     all.
     """
-    libraries = [] if target.ending == "dll" else ["-pthread", "-lm"]
-    if target.platform.startswith("macos"):
-        # or the folder it was built in would be in it
-        libraries.append("-Wl,-install_name,@rpath/kernel.so")
-
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         made = Path(folder) / path.name
-        compiler(target, made, *FLAGS, *sorted(sources.glob("*.c")), *libraries)
+        compiler(target, made, *FLAGS, *sorted(sources.glob("*.c")), *target.libraries)
         made.replace(path)
 
 
@@ -90,10 +88,10 @@ def version() -> str:
 
 
 def fingerprint(sources: Path) -> str:
-    """Hash of all inputs of the library: sources, flags and compiler."""
+    """Hash of all inputs of the package: sources, flags, platforms and compiler."""
     compiler = next(one for one in configuration()["build-system"]["requires"] if "zig" in one)
-    digest = hashlib.sha256(" ".join([*FLAGS, compiler]).encode())
-    for path in sorted(sources.glob("*.[ch]")):
+    digest = hashlib.sha256(repr((FLAGS, *map(tuple, TARGETS), compiler)).encode())
+    for path in (*sorted(sources.glob("*.[ch]")), HERE / "kiriko_kernel" / "__init__.py"):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 

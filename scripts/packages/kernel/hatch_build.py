@@ -22,7 +22,8 @@ class KernelHook(BuildHookInterface):
         sources = Path(self.root, "native")
         check_version(sources)
         name = os.environ.get(PLATFORM)
-        target = next((one for one in TARGETS if one.platform == name), this_target())
+        target = next((one for one in TARGETS if one.platform == name), None)
+        target = target if name else this_target()
         if target is None:
             raise SystemExit("The kernel cannot be compiled for this platform: use numpy alone.")
         self._folder = tempfile.TemporaryDirectory()
