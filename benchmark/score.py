@@ -1,8 +1,8 @@
 """Scores source images and maps of kiriko-bench: `python score.py FOLDER`. Needs numpy only.
 
-FOLDER has a source image `<rig>.npy` or `<rig>.source.npy`, (512, 512, 3), linear, row 0 at the
-top; or a map `<rig>.map.npy`, (h, w, 2), the display pixel (x, y) shown at the centre of each pixel
-of a viewer's image of any resolution, NaN without one. Rigs without a file are left out.
+FOLDER has a source image `<rig>.npy`, (512, 512, 3) floats, linear, row 0 at the top; or a map
+`<rig>.map.npy`, (h, w, 2), the display pixel (x, y) shown at the centre of each pixel of a viewer's
+image of any resolution, NaN without one. Rigs without a file are left out.
 """
 
 import argparse
@@ -99,7 +99,9 @@ def seen(rig, landings, source):
 
 
 def score_image(rig, landings, source):
-    """RMSE, PSNR and SSIM of the seen image, over samples with light from the display."""
+    """RMSE and PSNR of the seen image over samples with a landing, and SSIM of the whole, in which
+    the others are black.
+    """
     wanted, found = ideal(rig), seen(rig, landings, np.clip(source[..., :3], 0, 1))
     is_lit = np.isfinite(landings[:, 0])
     rmse = np.sqrt(np.mean((found - wanted)[is_lit] ** 2))
@@ -120,6 +122,7 @@ def score_map(rig, landings, found):
     distance = np.linalg.norm(upper * (1 - y) + lower * y - landings, axis=1)
     is_lit = np.isfinite(landings[:, 0])
     both = distance[np.isfinite(distance)]
+    both = both if both.size else np.array([np.nan])
     return {
         "median px": np.median(both),
         "95 % px": np.quantile(both, 0.95),
@@ -129,8 +132,8 @@ def score_map(rig, landings, found):
 
 
 def ssim(one, other):
-    """Mean structural similarity of two images (h, w, 3) with values 0..1, by windows of 7 x 7
-    samples (Wang et al. 2004, doi 10.1109/TIP.2003.819861).
+    """Mean structural similarity of two images (h, w, 3) with values 0..1 (Wang et al. 2004, doi
+    10.1109/TIP.2003.819861), by even windows of 7 x 7 samples, as scikit-image does by default.
     """
 
     def mean(values):
@@ -145,24 +148,42 @@ def ssim(one, other):
     return found.mean()
 
 
+def read(path, size=None):
+    """A source image of some size (width, height), or a map, from a file; exits with the reason why
+    it is none.
+    """
+    try:
+        values = np.load(path)
+    except (OSError, ValueError):
+        sys.exit(f"{path} is no array of numbers: write it with numpy.save.")
+    shape = values.shape
+    if values.dtype.kind != "f":
+        sys.exit(f"{path} has values of type {values.dtype}: write floats, with white as 1.")
+    if size and (shape[:2] != tuple(size[::-1]) or shape[2:] not in ((3,), (4,))):
+        sys.exit(f"{path} has the shape {shape}: write ({size[1]}, {size[0]}, 3).")
+    if size and not np.isfinite(values).all():
+        sys.exit(f"{path} has values that are not finite: write numbers.")
+    if not size and (len(shape) != 3 or shape[2] != 2 or min(shape) < 2):
+        sys.exit(f"{path} has the shape {shape}: write (h, w, 2).")
+    return values.astype(float)
+
+
 def scores(folder):
-    """A row of scores for each rig with a file in a folder."""
+    """A row of scores for each file of a rig in a folder."""
     for name in names():
         rig, landings = load(name)
-        for suffix, score in (
-            (".npy", score_image),
-            (".source.npy", score_image),
-            (".map.npy", score_map),
-        ):
-            if (file := Path(folder, name + suffix)).exists():
-                yield name, score(rig, landings, np.load(file).astype(float))
+        if (file := Path(folder, f"{name}.npy")).exists():
+            yield name, score_image(rig, landings, read(file, rig["display"]["pixels"]))
+        if (file := Path(folder, f"{name}.map.npy")).exists():
+            yield name, score_map(rig, landings, read(file))
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder")
-    rows = list(scores(parser.parse_args().folder))
+    place = parser.parse_args().folder
+    rows = list(scores(place))
     if not rows:
-        sys.exit("The folder has no file named after a rig: see README.md.")
+        sys.exit(f"{place} is no folder with a file named after a rig: see README.md.")
     for name, row in rows:
         print(f"{name:20}" + "".join(f"  {key} {value:.5f}" for key, value in row.items()))

@@ -21,6 +21,7 @@ PACKAGES = ROOT / "scripts" / "packages"
 WHEELS = ROOT / "wheels"
 EPOCH = "315532800"  # 1980, the earliest date in a zip: wheels of the same sources are identical
 # parts of core that need Blender or belong to the other package
+UNPACKED = shutil.ignore_patterns("__pycache__", "mkdocs.yml", "tables.py")
 NOT_IN_OPTICS = shutil.ignore_patterns("__pycache__", "blender", "*.c", "*.h")
 
 
@@ -29,7 +30,7 @@ def staged(name: str) -> Iterator[Path]:
     """Folder of a package: its source distribution, unpacked."""
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made, name)
-        shutil.copytree(PACKAGES / name, folder, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(PACKAGES / name, folder, ignore=UNPACKED)
         shutil.copy(ROOT / "LICENSE", folder)
         if name == "kernel":
             check_version(SOURCES)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Ints
+from ..base.errors import RigError
 from ..base.steps import Steps, run_steps
 from ..glass.meshes import Frames
 
@@ -100,13 +101,20 @@ def engine_kind() -> type[Engine]:
 
 
 def make_engine(corners: NDArray[np.float32]) -> Engine:
-    """An engine for triangles with corners (t, 3, 3); ImportError if none is available."""
+    """An engine for triangles with corners (t, 3, 3); RigError if none is available."""
     return run_steps(engine_steps(corners))
 
 
 def engine_steps(corners: NDArray[np.float32]) -> Steps[Engine]:
     """Make an engine as `make_engine`, with pauses."""
-    engine = engine_kind()(corners)
+    try:
+        engine = engine_kind()(corners)
+    except ImportError:
+        raise RigError(
+            "This Python has nothing to trace rays with: install {kernel} or {embreex} with pip.",
+            kernel="kiriko-kernel",
+            embreex="embreex",
+        ) from None
     yield 0
     # Embree builds its tree on the first query
     no_rays = np.empty((0, 3), np.float32)

@@ -71,8 +71,7 @@ class Glass(Part):
         """Raise RigError unless its index of refraction is data, and a number above 0."""
         if not (isinstance(self.ior, Index) and is_dataclass(self.ior)):
             raise RigError(
-                "{owner} has an index of refraction of the wrong type: use an Index, such as"
-                " ConstantIndex(1.49).",
+                "{owner} has an index of refraction of the wrong type: use a number, such as 1.49.",
                 owner=owner,
             )
 
@@ -489,6 +488,14 @@ class Picture(Part):
     mask: NDArray[Any] | None = None
 
     def __post_init__(self) -> None:
+        kind = np.asarray(self.image).dtype
+        if kind.kind in "iu":
+            raise RigError(
+                "The picture '{name}' has pixels of type {kind}: give it linear light as floats,"
+                " with white as 1.",
+                name=self.name,
+                kind=kind,
+            )
         convert(self, partial(np.asarray, dtype=np.float32), "image")
 
     @property

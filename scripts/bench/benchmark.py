@@ -3,7 +3,8 @@
 `--make` writes the rigs anew: the sixteen glasses of `dev.py marks`, and the ball and the cube of
 the paper. Blender makes the glasses; places and normals are rounded to single precision, and the
 landings are those of the rounded files. They are traced by numpy in double precision, event by
-event, with flat triangles and interpolated normals; the ball's are those of the exact sphere.
+event, with flat triangles and interpolated normals; the ball's are those of the exact sphere. Where
+light passes a gap, or a normal contradicts its triangle, there is none.
 
 Without it, the table has the scores and processor seconds of Kiriko, of Mitsuba's splat and of the
 splat over embreex, each of whose source images benchmark/score.py judges.
@@ -26,12 +27,17 @@ import numpy as np
 
 import kiriko_optics
 from environments import ROOT
+from kiriko.core.base.arrays import Bools, Floats
 from kiriko.core.rig.rig import Mesh, Rig
 from kiriko_optics._core.base.steps import run_steps
+from kiriko_optics._core.base.vectors import dot, length_of, normalise
+from kiriko_optics._core.glass.meshes import interpolate
 from kiriko_optics._core.image.source_image import splat
 from kiriko_optics._core.light.compile_plan import compile_plan
-from kiriko_optics._core.light.rays import main_landings
-from kiriko_optics._core.light.trace import trace_all
+from kiriko_optics._core.light.optics import refract
+from kiriko_optics._core.light.plan import Plan
+from kiriko_optics._core.light.rays import Step, main_landings
+from kiriko_optics._core.light.trace import tracing
 from kiriko_optics._core.native import loading
 from kiriko_optics._core.rig.settings import Settings
 from known.closed_forms import landing, through_ball
@@ -104,18 +110,54 @@ def write_ply(path: Path, mesh: Mesh) -> None:
 
 
 def landings_of(a_rig: kiriko_optics.Rig, name: str) -> np.ndarray:
-    """Reference landings (n, 2), display px, of the benchmark's samples; NaN outside the image."""
+    """Reference landings (n, 2), display px, of the benchmark's samples; NaN outside of the image,
+    and where the rules decide nothing.
+    """
     origins, directions = a_rig.viewer.rays(score.samples((512, 512)))
     if name == "reference_ball":
         found = landing(a_rig, *through_ball(origins, directions, RADIUS, 1.49))
     else:
+        plan, index = compile_plan(a_rig, Settings()), a_rig.glasses[0].ior.at(0.0)
+        steps: list[Step] = []
         with loading.off():
-            traced = trace_all(compile_plan(a_rig, Settings()), origins, directions)
+            traced = run_steps(tracing(plan, origins, directions, steps=steps))
         found = main_landings(traced, len(origins)).xy.copy()
+        found[traced.sample[traced.leak >= 0]] = np.nan
+        found[is_undecided(plan, index, origins, steps)] = np.nan
     size = a_rig.displays[0].width, a_rig.displays[0].height
     with np.errstate(invalid="ignore"):
         found[~((found >= 0) & (found < size)).all(axis=1)] = np.nan
     return found
+
+
+def is_undecided(plan: Plan, index: float, origins: Floats, steps: list[Step]) -> Bools:
+    """Whether rays (n,) meet an interpolated normal on the other side of its triangle than they
+    come from, or one that bends them to a side of the triangle where they cannot go.
+    """
+    is_odd = np.zeros(len(origins), bool)
+    if plan.triangles.corner_normals is None:
+        return is_odd
+    last = origins.copy()
+    held_places = [(held, held.places(len(plan.triangles))) for held in plan.layers]
+
+    for step in steps:
+        way = step.place - last[step.rays]
+        moves = length_of(way) > 0
+        rays, directions, number = step.rays[moves], normalise(way[moves]), step.triangle[moves]
+        last[rays] = step.place[moves]
+        for held, places in held_places:
+            some = np.flatnonzero((places[number] >= 0) & plan.triangles.is_bent[number])
+            triangle, came = number[some], directions[some]
+            u, v = held.layer.frames.barycentric(places[triangle], last[rays[some]])
+            shading = interpolate(plan.triangles.corner_normals[triangle], u, v)
+            face = plan.triangles.normals[triangle]
+            before, to_normal = dot(came, face), dot(came, shading)
+            indices = np.where(before < 0, 1.0, index), np.where(before < 0, index, 1.0)
+            against = normalise(-np.sign(to_normal)[:, None] * shading)
+            bent, is_total, _ = refract(came, against, *indices)
+            is_right = (before * to_normal > 0) & ((before * dot(bent, face) > 0) != is_total)
+            is_odd[rays[some[~is_right]]] = True
+    return is_odd
 
 
 def make(name: str) -> None:
@@ -142,7 +184,8 @@ def plain(a_rig: kiriko_optics.Rig) -> np.ndarray:
 
 def write_sums() -> None:
     """Write the hashes of all files, as `sha256sum --check` reads them."""
-    files = sorted(path for path in (FOLDER / "rigs").rglob("*") if path.is_file())
+    files = [path for path in (FOLDER / "rigs").rglob("*") if path.is_file()]
+    files = sorted([*files, *FOLDER.glob("*.py")])
     lines = [
         f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.relative_to(FOLDER).as_posix()}\n"
         for path in files

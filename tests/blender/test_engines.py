@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import run_steps
 from kiriko.core.light.engines import make_engine
 from kiriko.core.light.trace import trace_all
@@ -133,8 +134,8 @@ def test_a_solution_says_which_engine_it_is_of():
     assert "ray engine (Blender's BVH)" in run_steps(Session().solve(a_rig)).used
 
 
-def test_where_there_is_no_engine_embree_is_missed(monkeypatch):
-    """Without Embree and without Blender it is Embree that the error names."""
+def test_where_there_is_no_engine_one_is_asked_for(monkeypatch):
+    """Without Embree and without Blender, the error says what to install."""
     monkeypatch.setitem(sys.modules, "mathutils.bvhtree", None)
-    with pytest.raises(ImportError, match="embreex"):
+    with pytest.raises(RigError, match="install kiriko-kernel or embreex"):
         make_engine(ONE_TRIANGLE)

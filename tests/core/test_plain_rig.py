@@ -5,9 +5,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.errors import KirikoError
+from kiriko.core.base.errors import KirikoError, RigError
 from kiriko.core.base.fingerprint import fingerprint
-from kiriko.core.rig.rig import ROLES, Rig
+from kiriko.core.rig.rig import ROLES, Picture, Rig
 from known.reference_rigs import ball_rig
 
 
@@ -48,3 +48,9 @@ def test_a_wrong_field_is_named(role, changes, sentence):
         part = replace(part, mesh=replace(part.mesh, **changes))
     with pytest.raises(KirikoError, match=sentence):
         replace(rig, **{role: (part,)}).check()
+
+
+def test_whole_numbers_are_no_light() -> None:
+    """A picture of bytes would be 255 times too bright: it is refused with the reason."""
+    with pytest.raises(RigError, match="pixels of type uint8"):
+        Picture("P", np.full((4, 4, 4), 255, np.uint8))

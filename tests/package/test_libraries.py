@@ -28,10 +28,10 @@ NEEDS = {
     },
     "macos": {"/usr/lib/libSystem.B.dylib"},
 }
-C_LIBRARY = {"malloc", "realloc", "free", "atan2", "exp", "hypot", "pow"}
+C_LIBRARY = {"malloc", "realloc", "free", "atan2", "hypot", "pow"}
 POSIX = {
     *C_LIBRARY,
-    *("memcpy", "floor", "fmod", "rint", "sin"),
+    *("memcpy", "exp", "floor", "fmod", "rint", "sin"),
     *("pthread_create", "pthread_join"),
 }
 # Functions that they may take from there. Those of no use to the kernel are MinGW's, which

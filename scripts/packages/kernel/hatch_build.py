@@ -25,7 +25,7 @@ class KernelHook(BuildHookInterface):
         target = next((one for one in TARGETS if one.platform == name), None)
         target = target if name else this_target()
         if target is None:
-            raise SystemExit("The kernel cannot be compiled for this platform: use numpy alone.")
+            raise SystemExit("The kernel cannot be compiled for this platform: use embreex.")
         self._folder = tempfile.TemporaryDirectory()
         library = Path(self._folder.name, f"kernel.{target.ending}")
         compile_library(target, library, sources)
