@@ -532,7 +532,7 @@ BAD = {
             small(), glasses=(replace(small().glasses[0], ior=lambda wavelength: 1.5),)
         ),
         RigError,
-        "index of refraction of the wrong type: use an Index",
+        "index of refraction of the wrong type: use a number",
     ),
 }
 
