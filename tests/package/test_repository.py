@@ -57,7 +57,11 @@ def test_install_update_solve_and_remove(own_zip, served, tmp_path):
     package.extension_tool("server-generate", "--repo-dir", folder, "--html")
     done = subprocess.run(
         [sys.executable, USER, folder, address, own_zip],
-        env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "profile")},
+        env={
+            **os.environ,
+            "BLENDER_USER_RESOURCES": str(tmp_path / "profile"),
+            "PYTHONPATH": str(ROOT / "scripts"),
+        },
         capture_output=True,
         text=True,
     )
